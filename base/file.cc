@@ -70,7 +70,7 @@ class TemporaryFile {
  private:
   void Open() { fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644); }
   [[noreturn]] void Fail(const char* what) {
-    throw Error(fmt::format("{}: {} ({})", named_.string(), what, std::strerror(errno)));
+    throw Error("{}: {} ({})", named_.string(), what, std::strerror(errno));
   }
 
   const std::filesystem::path named_;
@@ -89,11 +89,10 @@ std::string ReadAll(std::istream& in, const std::filesystem::path& path, std::si
   while (in.read(piece.data(), static_cast<std::streamsize>(piece.size())) || in.gcount() > 0) {
     content.append(piece.data(), static_cast<std::size_t>(in.gcount()));
     if (content.size() <= max_bytes) continue;
-    throw Error(fmt::format("{}: is no regular file and gives more than {} bytes, expected a file",
-                            path.string(), max_bytes));
+    throw Error("{}: is no regular file and gives more than {} bytes, expected a file",
+                path.string(), max_bytes);
   }
-  if (in.bad())
-    throw Error(fmt::format("{}: cannot read ({})", path.string(), std::strerror(errno)));
+  if (in.bad()) throw Error("{}: cannot read ({})", path.string(), std::strerror(errno));
   return content;
 }
 
@@ -122,7 +121,7 @@ class Stream {
 
  private:
   [[noreturn]] void Fail(const char* what) {
-    throw Error(fmt::format("{}: {} ({})", path_.string(), what, std::strerror(errno)));
+    throw Error("{}: {} ({})", path_.string(), what, std::strerror(errno));
   }
 
   const std::filesystem::path path_;
@@ -144,7 +143,7 @@ Target FollowLinks(const std::filesystem::path& path) {
   // The type of a file must be known before it is replaced.
   const auto known = [&](const fs::file_status& status) {
     if (fs::status_known(status)) return status;
-    throw Error(fmt::format("{}: cannot be looked at ({})", path.string(), ec.message()));
+    throw Error("{}: cannot be looked at ({})", path.string(), ec.message());
   };
   for (int i = 0; i < kMaxLinks && fs::is_symlink(known(fs::symlink_status(target.path, ec)));
        ++i) {
@@ -154,9 +153,7 @@ Target FollowLinks(const std::filesystem::path& path) {
     target.path = target.path.parent_path() / fs::read_symlink(target.path, ec);
   }
   const fs::file_status status = known(fs::status(target.path, ec));
-  if (fs::is_directory(status)) {
-    throw Error(fmt::format("{}: is a directory, expected a file", path.string()));
-  }
+  ThrowIf(fs::is_directory(status), "{}: is a directory, expected a file", path.string());
   target.is_stream = fs::exists(status) && !fs::is_regular_file(status);
   return target;
 }
@@ -165,13 +162,11 @@ Target FollowLinks(const std::filesystem::path& path) {
 
 std::string ReadFile(const std::filesystem::path& path) {
   std::error_code ec;
-  if (std::filesystem::is_directory(path, ec)) {
-    throw Error(fmt::format("{}: is a directory, expected a file", path.string()));
-  }
+  ThrowIf(std::filesystem::is_directory(path, ec), "{}: is a directory, expected a file",
+          path.string());
   std::ifstream in(path, std::ios::binary);
   if (!in) {
-    throw Error(fmt::format("{}: cannot open ({})", path.empty() ? "''" : path.string(),
-                            std::strerror(errno)));
+    throw Error("{}: cannot open ({})", path.empty() ? "''" : path.string(), std::strerror(errno));
   }
   // Some devices never end.
   constexpr std::size_t kMostOfADevice = 1 << 28;
@@ -181,9 +176,8 @@ std::string ReadFile(const std::filesystem::path& path) {
 
 std::string ReadTextFile(const std::filesystem::path& path) {
   std::string text = ReadFile(path);
-  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
-    throw Error(fmt::format("{}: is text in UTF-16, expected UTF-8", path.string()));
-  }
+  ThrowIf(text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff"),
+          "{}: is text in UTF-16, expected UTF-8", path.string());
   constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
   if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
   return text;
@@ -231,8 +225,7 @@ void Rename(const std::filesystem::path& from, const std::filesystem::path& to) 
   std::error_code error;
   std::filesystem::rename(from, to, error);
   if (!error) return;
-  throw Error(
-      fmt::format("{}: cannot rename it to {} ({})", from.string(), to.string(), error.message()));
+  throw Error("{}: cannot rename it to {} ({})", from.string(), to.string(), error.message());
 }
 
 void SyncDirectory(const std::filesystem::path& path) {
@@ -242,13 +235,13 @@ void SyncDirectory(const std::filesystem::path& path) {
   if (fd >= 0) ::close(fd);
   // Some file systems have no such operation on directories, and say so.
   if (is_synced || error == EINVAL || error == ENOTSUP) return;
-  throw Error(fmt::format("{}: cannot be synced ({})", path.string(), std::strerror(error)));
+  throw Error("{}: cannot be synced ({})", path.string(), std::strerror(error));
 }
 
 bool Exists(const std::filesystem::path& path) {
   std::error_code ec;
   const bool exists = std::filesystem::exists(path, ec);
-  if (ec) throw Error(fmt::format("{}: cannot be looked at ({})", path.string(), ec.message()));
+  if (ec) throw Error("{}: cannot be looked at ({})", path.string(), ec.message());
   return exists;
 }
 
@@ -259,9 +252,15 @@ std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& pa
     paths.push_back(it->path());
   }
   if (ec && ec != std::errc::no_such_file_or_directory) {
-    throw Error(fmt::format("{}: cannot be listed ({})", path.string(), ec.message()));
+    throw Error("{}: cannot be listed ({})", path.string(), ec.message());
   }
   return paths;
+}
+
+std::filesystem::path NormalisedDirectory(const std::filesystem::path& directory) {
+  const std::filesystem::path normal = directory.lexically_normal();
+  const std::filesystem::path named = normal.has_filename() ? normal : normal.parent_path();
+  return named.empty() || named == "." ? std::filesystem::current_path() : named;
 }
 
 void MakeDirectories(const std::filesystem::path& path) {
@@ -272,8 +271,7 @@ void MakeDirectories(const std::filesystem::path& path) {
     parents.push_back(missing.has_parent_path() ? missing.parent_path() : ".");
   }
   std::filesystem::create_directories(path, ec);
-  if (ec)
-    throw Error(fmt::format("{}: cannot make the directory ({})", path.string(), ec.message()));
+  if (ec) throw Error("{}: cannot make the directory ({})", path.string(), ec.message());
   for (const std::filesystem::path& parent : parents) SyncDirectory(parent);
 }
 

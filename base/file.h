@@ -58,6 +58,9 @@ void SyncDirectory(const std::filesystem::path& path);
 /// directory. Throws `Error` if it cannot be read to its end.
 std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& path);
 
+/// Returns a path of the directory that ends in its name, whatever way it was written.
+std::filesystem::path NormalisedDirectory(const std::filesystem::path& directory);
+
 /// Makes the directory and its parents, and syncs their names. Throws `Error` if that fails.
 void MakeDirectories(const std::filesystem::path& path);
 

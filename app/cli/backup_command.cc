@@ -47,7 +47,7 @@ class File {
     const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd >= 0) return File(path, fd);
     if (errno == ENOENT) return std::nullopt;
-    throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
+    throw base::Error("{}: cannot open ({})", path.string(), std::strerror(errno));
   }
   ~File() {
     if (fd_ >= 0) ::close(fd_);
@@ -83,8 +83,8 @@ class File {
     const auto rest = static_cast<std::size_t>(size_ - offset);
     const ssize_t part = ::pread(fd_, buffer.data(), std::min(rest, buffer.size()), offset);
     if (part > 0) return static_cast<std::size_t>(part);
-    throw base::Error(fmt::format("{}: cannot read ({})", path_.string(),
-                                  part == 0 ? "it has become shorter" : std::strerror(errno)));
+    throw base::Error("{}: cannot read ({})", path_.string(),
+                      part == 0 ? "it has become shorter" : std::strerror(errno));
   }
 
   /// The bytes of a small file that changes in place, as they were at one moment.
@@ -96,7 +96,7 @@ class File {
       if (i > 0 && now == before) return now;
       before = std::move(now);
     }
-    throw base::Error(fmt::format("{}: it changes too often to be copied", path_.string()));
+    throw base::Error("{}: it changes too often to be copied", path_.string());
   }
 
   fs::path path_;
@@ -124,15 +124,13 @@ void RequireCopyable(const fs::path& directory, const fs::path& target,
   if (gone) return;
   if (std::ranges::find(above, real) != above.end()) {
     throw base::Error(
-        fmt::format("{}: is a symbolic link to {}, which holds it; expected links to "
-                    "directories elsewhere",
-                    directory.string(), real.string()));
+        "{}: is a symbolic link to {}, which holds it; expected links to directories elsewhere",
+        directory.string(), real.string());
   }
   if (IsWithin(target, real)) {
     throw base::Error(
-        fmt::format("{}: lies within {}, which it would be a copy of; expected a "
-                    "directory elsewhere",
-                    target.string(), directory.string()));
+        "{}: lies within {}, which it would be a copy of; expected a directory elsewhere",
+        target.string(), directory.string());
   }
   above.push_back(real);
   for (const fs::path& path : base::ListDirectory(directory)) {
@@ -140,8 +138,8 @@ void RequireCopyable(const fs::path& directory, const fs::path& target,
     const fs::file_status status = fs::status(path, gone);
     if (fs::is_directory(status)) RequireCopyable(path, target, above);
     if (!fs::exists(status) && fs::is_symlink(fs::symlink_status(path, gone))) {
-      throw base::Error(fmt::format("{}: is a symbolic link to {}, which is not there",
-                                    path.string(), fs::read_symlink(path, gone).string()));
+      throw base::Error("{}: is a symbolic link to {}, which is not there", path.string(),
+                        fs::read_symlink(path, gone).string());
     }
   }
 }
@@ -189,24 +187,16 @@ void CopyRole(const fs::path& role, const fs::path& state, const fs::path& targe
     }
     return;
   }
-  throw base::Error(
-      fmt::format("{}: its files come and go too fast to be copied; try again", role.string()));
-}
-
-/// The path without a slash at its end.
-fs::path WithoutSlash(const fs::path& path) {
-  const fs::path normal = path.lexically_normal();
-  return normal.has_filename() ? normal : normal.parent_path();
+  throw base::Error("{}: its files come and go too fast to be copied; try again", role.string());
 }
 
 void BackUp(const fs::path& state, const fs::path& target) {
   if (!fs::is_directory(state)) {
-    throw base::Error(
-        fmt::format("{}: no such directory, expected a service.state", state.string()));
+    throw base::Error("{}: no such directory, expected a service.state", state.string());
   }
   if (base::Exists(target)) {
-    throw base::Error(fmt::format("{}: is there already, expected a new directory for the copy",
-                                  target.string()));
+    throw base::Error("{}: is there already, expected a new directory for the copy",
+                      target.string());
   }
   RequireCopyable(state, fs::weakly_canonical(fs::absolute(target)));
   const fs::path unfinished = target.string() + ".unfinished";
@@ -239,7 +229,9 @@ void AddBackupCommand(CLI::App& app) {
       "If roles have states of their own, on several machines or in several volumes, copy that of "
       "the replay\nserver first. docs/operations.md, section Backup and restore, says how a "
       "service goes on from a copy.");
-  command->callback([state, target] { BackUp(WithoutSlash(*state), WithoutSlash(*target)); });
+  command->callback([state, target] {
+    BackUp(base::NormalisedDirectory(*state), base::NormalisedDirectory(*target));
+  });
 }
 
 }  // namespace slalom::cli

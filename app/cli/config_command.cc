@@ -12,6 +12,7 @@
 #include "app/train/agent_run_config.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
+#include "metrics/catalogue.h"
 
 namespace slalom::cli {
 namespace {
@@ -119,6 +120,14 @@ void AddConfigCommand(CLI::App& app) {
   config->footer(
       "Every key with its meaning is in docs/config.md. Example:\n\n"
       "  slalom config print configs/fast.toml --set learner.gamma=0.98");
+}
+
+void AddMetricsCommand(CLI::App& app) {
+  CLI::App* metrics = app.add_subcommand("metrics", "Print the page that explains all metrics");
+  metrics->require_subcommand(1);
+  metrics->add_subcommand("docs", "Print docs/metrics.md")->callback([] {
+    fmt::print("{}", slalom::metrics::PrintMarkdown());
+  });
 }
 
 }  // namespace slalom::cli

@@ -45,9 +45,8 @@ sim::CourseSet CourseSelection::Choose(sim::CourseSet set, const std::string& so
     if (!is_there) {
       std::vector<std::string> there;
       for (const auto& course : set.courses) there.push_back(course->name);
-      throw base::Error(
-          fmt::format("{}: holds no course named {}{}; it has {} courses, the first is {}", source,
-                      name, base::Suggestion(name, there), there.size(), there.front()));
+      throw base::Error("{}: holds no course named {}{}; it has {} courses, the first is {}",
+                        source, name, base::Suggestion(name, there), there.size(), there.front());
     }
   }
   std::erase_if(set.courses, [&](const auto& course) {
@@ -59,9 +58,9 @@ sim::CourseSet CourseSelection::Choose(sim::CourseSet set, const std::string& so
 void RequireCollection(const std::string& directory) {
   std::error_code error;
   if (directory.empty() || std::filesystem::is_directory(directory, error)) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "--collection {}: is not a directory, expected one that `slalom courses import` wrote",
-      directory));
+      directory);
 }
 
 void PrintCourseWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {

@@ -105,9 +105,9 @@ sim::PictureFormat FormatOf(const RenderOptions& options) {
   const std::string format = options.format ? "." + *options.format : extension;
   if (format == ".svg") return sim::PictureFormat::kSvg;
   if (format == ".png") return sim::PictureFormat::kPng;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "{}: the picture's format is not clear; end the name in .svg or .png or give --format",
-      options.output));
+      options.output);
 }
 
 std::map<std::string, std::vector<sim::EpisodeTrack>> ReadTracks(const std::string& file,
@@ -120,9 +120,7 @@ std::map<std::string, std::vector<sim::EpisodeTrack>> ReadTracks(const std::stri
                                    [&](const auto& c) { return c->name == track.course; });
     tracks[track.course].push_back(std::move(track));
   }
-  if (!is_any_used) {
-    throw base::Error(fmt::format("{}: holds no episode on a course of {}", file, set.name));
-  }
+  base::ThrowIf(!is_any_used, "{}: holds no episode on a course of {}", file, set.name);
   return tracks;
 }
 

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -25,17 +24,16 @@ void Export(const ExportOptions& options) {
   RequireOutputFile(options.onnx, options.force);
   const policy::LoadedPolicy loaded = policy::LoadPolicy(options.policy);
   const auto trained = train::TrainedConfig(loaded.metadata, options.policy);
-  if (trained && trained->mpc.enabled) {
-    throw base::Error(
-        fmt::format("{}: mpc.enabled is true, expected false: the policy plans with its transition "
-                    "model, of which an ONNX model of its network knows nothing",
-                    options.policy));
-  }
+  base::ThrowIf(
+      trained && trained->mpc.enabled,
+      "{}: mpc.enabled is true, expected false: the policy plans with its transition model, of "
+      "which an ONNX model of its network knows nothing",
+      options.policy);
   std::string model;
   try {
     model = policy::PrintOnnx(loaded.snapshot, loaded.metadata);
   } catch (const base::Error& error) {
-    throw base::Error(fmt::format("{}: {}", options.policy, error.what()));
+    throw base::Error("{}: {}", options.policy, error.what());
   }
   base::WriteFileAtomically(options.onnx, model);
   fmt::print(stderr, "{}: {} parameters, {} kB; docs/robot.md says how to run it\n", options.onnx,

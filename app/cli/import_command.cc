@@ -40,7 +40,7 @@ struct ImportOptions {
 void Refuse(bool is_given, const ImportOptions& options, std::string_view option,
             std::string_view suits) {
   if (!is_given) return;
-  throw base::Error(fmt::format("{}: {} is for {}", options.source, option, suits));
+  throw base::Error("{}: {} is for {}", options.source, option, suits);
 }
 
 void ImportDataSet(const ImportOptions& options) {
@@ -73,28 +73,26 @@ void ImportDataSet(const ImportOptions& options) {
 void ImportFile(const ImportOptions& options) {
   const std::string extension = fs::path(options.source).extension().string();
   const bool is_map = extension == ".yaml" || extension == ".yml";
-  if (!is_map && extension != ".world" && extension != ".sdf") {
-    throw base::Error(fmt::format(
-        "{}: expected a directory, a Gazebo world (.world, .sdf) or the description of a map "
-        "(.yaml), which names its image",
-        options.source));
-  }
+  base::ThrowIf(
+      !is_map && extension != ".world" && extension != ".sdf",
+      "{}: expected a directory, a Gazebo world (.world, .sdf) or the description of a map "
+      "(.yaml), which names its image",
+      options.source);
   constexpr std::string_view kDataSet = "the original data set, expected its directory";
   Refuse(options.motions.has_value(), options, "--motions", kDataSet);
   Refuse(options.incomplete, options, "--incomplete", kDataSet);
   Refuse(!is_map && options.unknown, options, "--unknown", "a map (.yaml)");
   if (options.start.empty() || options.goal.empty()) {
-    throw base::Error(fmt::format("{}: {} is missing, expected --start X Y YAW and --goal X Y",
-                                  options.source, options.start.empty() ? "--start" : "--goal"));
+    throw base::Error("{}: {} is missing, expected --start X Y YAW and --goal X Y", options.source,
+                      options.start.empty() ? "--start" : "--goal");
   }
   RequireOutputFile(options.output, options.force);
   const std::string name = fs::path(options.output).stem().string();
-  if (!sim::IsCourseName(name)) {
-    throw base::Error(
-        fmt::format("{}: the course cannot be called \"{}\", expected a file whose "
-                    "name has 1 to 100 letters, digits, '-', '_' or '.'",
-                    options.output, name));
-  }
+  base::ThrowIf(
+      !sim::IsCourseName(name),
+      "{}: the course cannot be called \"{}\", expected a file whose name has 1 to 100 letters, "
+      "digits, '-', '_' or '.'",
+      options.output, name);
   const base::Pose2 start{{options.start[0], options.start[1]}, options.start[2]};
   const base::Vec2 goal_W{options.goal[0], options.goal[1]};
   sim::ImportedCourse imported =

@@ -39,11 +39,11 @@ void AddCheck(CLI::App& keys) {
     if (report.faults.empty()) return;
     std::string faults;
     for (const std::string& fault : report.faults) faults += "\n  " + fault;
-    throw base::Error(fmt::format("{}: {} wrong:{}", *directory,
-                                  report.faults.size() == 1
-                                      ? "1 thing is"
-                                      : fmt::format("{} things are", report.faults.size()),
-                                  faults));
+    throw base::Error("{}: {} wrong:{}", *directory,
+                      report.faults.size() == 1
+                          ? "1 thing is"
+                          : fmt::format("{} things are", report.faults.size()),
+                      faults);
   });
 }
 

@@ -1,6 +1,5 @@
 #include "app/cli/output.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -24,8 +23,7 @@ constexpr int kPictureColumns = 10;
 
 void RequireWritable(const fs::path& path, const fs::path& named) {
   if (::access(path.c_str(), W_OK) == 0) return;
-  throw base::Error(
-      fmt::format("{}: cannot be written ({})", named.string(), std::strerror(errno)));
+  throw base::Error("{}: cannot be written ({})", named.string(), std::strerror(errno));
 }
 
 /// The path itself or the nearest of its parents that is there.
@@ -53,23 +51,18 @@ std::string FirstFile(const fs::path& directory) {
 void RequireOutputFile(const fs::path& path, bool force) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (path == "-") {
-    throw base::Error("--output -: expected the name of a file, for example /dev/stdout");
-  }
-  if (!path.has_filename() || fs::is_directory(status)) {
-    throw base::Error(fmt::format("{}: is a directory, expected a file", path.string()));
-  }
+  base::ThrowIf(path == "-", "--output -: expected the name of a file, for example /dev/stdout");
+  base::ThrowIf(!path.has_filename() || fs::is_directory(status),
+                "{}: is a directory, expected a file", path.string());
   if (base::Exists(path)) {
     RequireWritable(path, path);
     if (force || base::IsStream(path)) return;
-    throw base::Error(fmt::format(
-        "{}: exists already; choose another --output, or replace it with --force", path.string()));
+    throw base::Error("{}: exists already; choose another --output, or replace it with --force",
+                      path.string());
   }
   const fs::path directory = path.has_parent_path() ? path.parent_path() : ".";
-  if (!fs::is_directory(directory, error)) {
-    throw base::Error(
-        fmt::format("{}: there is no directory {}", path.string(), directory.string()));
-  }
+  base::ThrowIf(!fs::is_directory(directory, error), "{}: there is no directory {}", path.string(),
+                directory.string());
   RequireWritable(directory, path);
 }
 
@@ -77,16 +70,16 @@ void RequireOutputDirectory(const fs::path& path, bool force) {
   const fs::path there = NearestThere(path);
   std::error_code error;
   if (!fs::is_directory(there, error)) {
-    throw base::Error(fmt::format("{}: {}is not a directory, expected one", path.string(),
-                                  there == path ? "" : there.string() + " "));
+    throw base::Error("{}: {}is not a directory, expected one", path.string(),
+                      there == path ? "" : there.string() + " ");
   }
   RequireWritable(there, path);
   if (there != path || force) return;
   const std::string first = FirstFile(path);
   if (first.empty()) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "{}: holds {} already; choose a new directory as --output, or replace files with --force",
-      path.string(), first));
+      path.string(), first);
 }
 
 void WriteScores(const train::Scores& scores, const std::filesystem::path& directory) {

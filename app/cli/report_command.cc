@@ -1,14 +1,12 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "app/cli/commands.h"
@@ -41,9 +39,9 @@ void RequireLabels(const ReportOptions& options) {
   for (const std::vector<std::string>& agent : options.agents) {
     if (agent.size() >= 2 && !agent.front().empty()) continue;
     throw base::Error(
-        fmt::format("--agent '{}': expected a label and at least one result, for example --agent "
-                    "td3 runs/td3-1 runs/td3-2",
-                    agent.front()));
+        "--agent '{}': expected a label and at least one result, for example --agent td3 "
+        "runs/td3-1 runs/td3-2",
+        agent.front());
   }
 }
 
@@ -57,16 +55,13 @@ void RequireSeeds(const Agents& named, const eval::AgentResults& agent) {
     const eval::Result& result = named.results[r];
     const auto [it, is_new] = seen.emplace(fs::weakly_canonical(result.file, error), result.file);
     if (!is_new) {
-      throw base::Error(
-          fmt::format("agent {}: {} and {} are the same evaluation, expected one for each seed",
-                      agent.label, it->second, result.file));
+      throw base::Error("agent {}: {} and {} are the same evaluation, expected one for each seed",
+                        agent.label, it->second, result.file);
     }
-    if (result.physics != first.physics) {
-      throw base::Error(
-          fmt::format("agent {}: {} and {} were driven in physics {} and {}, expected one for all "
-                      "of its seeds",
-                      agent.label, first.file, result.file, first.physics, result.physics));
-    }
+    base::ThrowIf(
+        result.physics != first.physics,
+        "agent {}: {} and {} were driven in physics {} and {}, expected one for all of its seeds",
+        agent.label, first.file, result.file, first.physics, result.physics);
   }
 }
 
@@ -74,11 +69,11 @@ void RequireDifferentLabels(const Agents& named) {
   for (std::size_t a = 0; a < named.agents.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) {
       if (named.agents[a].label != named.agents[b].label) continue;
-      throw base::Error(fmt::format(
+      throw base::Error(
           "two agents are called {}: the one of {} and the one of {}; name one of them otherwise "
           "with --agent LABEL RESULT...",
           named.agents[a].label, named.results[named.agents[b].results.front()].file,
-          named.results[named.agents[a].results.front()].file));
+          named.results[named.agents[a].results.front()].file);
     }
   }
 }
@@ -106,11 +101,9 @@ Agents ReadAgents(const ReportOptions& options) {
 }
 
 void Report(const ReportOptions& options) {
-  if (options.results.empty() && options.agents.empty()) {
-    throw base::Error(
-        "nothing to report: expected directories that `slalom evaluate --output` wrote, or "
-        "--agent LABEL RESULT...");
-  }
+  base::ThrowIf(options.results.empty() && options.agents.empty(),
+                "nothing to report: expected directories that `slalom evaluate --output` wrote, or "
+                "--agent LABEL RESULT...");
   RequireLabels(options);
   if (options.output) RequireOutputDirectory(*options.output, options.force);
   const Agents named = ReadAgents(options);

@@ -29,7 +29,6 @@
 #include "policy/policy_agent.h"
 #include "replay/service/server.h"
 #include "sim/environments.h"
-#include "sim/scene.h"
 
 /// The processes of the distributed service, each until a signal stops it.
 
@@ -51,10 +50,10 @@ void RequireRunOf(const fs::path& directory, const train::RunConfig& config) {
   const std::string keys =
       proto::DescribeDifference(train::ServiceIdentity(config), train::ServiceIdentity(begun));
   if (keys.empty()) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "{}: the replay data in this directory is of another run: {}; use another service.state, or "
       "the config that the run was begun with",
-      directory.string(), keys));
+      directory.string(), keys);
 }
 
 int RunReplay(const train::ServiceOptions& options) {
@@ -160,11 +159,10 @@ int RunEvaluator(const train::ServiceOptions& options) {
   const std::string& courses = config.evaluator_service.courses.empty()
                                    ? config.courses.test
                                    : config.evaluator_service.courses;
-  if (courses.empty()) {
-    throw base::Error(
-        "courses.test and evaluator_service.courses are empty, expected courses to score policies "
-        "on");
-  }
+  base::ThrowIf(
+      courses.empty(),
+      "courses.test and evaluator_service.courses are empty, expected courses to score policies "
+      "on");
   if (courses == config.courses.test) {
     spdlog::warn(
         "best.safetensors is chosen on {}, which is courses.test: its score there will be too "

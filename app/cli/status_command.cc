@@ -56,11 +56,11 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
     if (auto* status = std::get_if<proto::StatusReply>(&received->header)) return *status;
   }
   const std::string trouble = link.trouble();
-  throw base::Error(fmt::format(
+  throw base::Error(
       "no replay server answers at {}{}{}; actors and the learner wait for it and say so in their "
       "logs, and `slalom watch {}` shows the learner's curves meanwhile",
       endpoint, trouble.empty() ? "" : ": ", trouble,
-      (std::filesystem::path(config.service.state) / "learner").string()));
+      (std::filesystem::path(config.service.state) / "learner").string());
 }
 
 void PrintJson(const proto::StatusReply& status) {

@@ -5,28 +5,29 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "app/cli/command_line.h"
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
 #include "app/cli/sweep_selection.h"
-#include "app/cli/sweep_serve.h"
 #include "app/sweep/cell.h"
 #include "app/sweep/cell_archive.h"
 #include "app/sweep/estimate.h"
 #include "app/sweep/plan.h"
-#include "app/sweep/plan_record.h"
-#include "app/sweep/report/page_blocks.h"
 #include "app/sweep/report/report.h"
 #include "app/sweep/runner.h"
 #include "app/sweep/slurm.h"
 #include "app/sweep/store.h"
+#include "app/sweep/sweep_metrics.h"
 #include "app/train/command_options.h"
 #include "app/train/resolved_run.h"
 #include "app/train/run_identity.h"
@@ -35,14 +36,79 @@
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/machine.h"
+#include "base/mutex.h"
 #include "base/progress.h"
 #include "base/version.h"
+#include "metrics/exposer.h"
 #include "sim/engines/physics.h"
 
 namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Default address at which `slalom sweep serve` shows metrics.
+constexpr char kSweepMetricsAddress[] = "127.0.0.1:9420";
+
+metrics::Identity ThisProcess() {
+  metrics::Identity identity;
+  identity.name = base::HostName();
+  identity.version = base::Version();
+  identity.commit = base::Commit();
+  return identity;
+}
+
+/// Calls `act` again and again, with `SweepMetrics::kInterval` between the calls, until a stop is
+/// requested.
+template <class Act>
+void RepeatUntilStop(const std::stop_token& stop, const Act& act) {
+  base::Mutex mutex;
+  base::CondVar changed;
+  const std::stop_callback wake(stop, [&] {
+    const base::MutexLock lock(mutex);
+    changed.NotifyAll();
+  });
+  const base::MutexLock lock(mutex);
+  while (!stop.stop_requested()) {
+    act();
+    changed.WaitFor(mutex, sweep::SweepMetrics::kInterval);
+  }
+}
+
+/// Shows the metrics of a sweep (`sweep::SweepMetrics`) for as long as it exists, and keeps them up
+/// to date in a thread of its own. Works on no cell and writes nothing, so any number of them may
+/// show the same sweep, even before its store exists.
+class SweepExposer {
+ public:
+  /// `address`: as for `metrics::Exposer`, with its errors. Prints the address of the metrics.
+  SweepExposer(const sweep::Plan& plan, const sweep::Cells& cells, const fs::path& store,
+               const std::string& address)
+      : metrics_(plan, cells, store, ThisProcess()),
+        exposer_(address, metrics_.registry()),
+        thread_(base::StartThread("the metrics of a sweep", [this](const std::stop_token& stop) {
+          RepeatUntilStop(stop, [this] { metrics_.Update(); });
+        })) {
+    fmt::print("sweep {}: metrics at http://{}:{}/metrics\n", plan.sweep.name,
+               address.substr(0, address.rfind(':')), exposer_.port());
+    std::fflush(stdout);
+  }
+
+ private:
+  sweep::SweepMetrics metrics_;
+  const metrics::Exposer exposer_;
+  std::jthread thread_;
+};
+
+/// Shows the metrics until SIGINT, SIGTERM or SIGHUP. Returns the exit code. Throws `base::Error`
+/// if the address cannot be listened on.
+int ServeSweep(const sweep::Plan& plan, const sweep::Cells& cells, const fs::path& store,
+               const std::string& address) {
+  StopSignals signals;
+  const SweepExposer exposer(plan, cells, store, address);
+  RepeatUntilStop(signals.token(), [] {});
+  return base::kExitOk;
+}
 
 fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
 
@@ -72,10 +138,10 @@ void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, i
   const auto available = static_cast<std::int64_t>(fs::space(store).available);
   if (needed <= available) return;
   throw base::Error(
-      fmt::format("{}: the sweep needs about {} here and {} are available; run fewer "
-                  "cells at once (--at-once) or choose another place (--output)",
-                  store.string(), base::FormatBytes(static_cast<double>(needed)),
-                  base::FormatBytes(static_cast<double>(available))));
+      "{}: the sweep needs about {} here and {} are available; run fewer cells at once (--at-once) "
+      "or choose another place (--output)",
+      store.string(), base::FormatBytes(static_cast<double>(needed)),
+      base::FormatBytes(static_cast<double>(available)));
 }
 
 /// Throws `base::Error` if this program was built without a physics engine that a missing score is
@@ -87,7 +153,7 @@ void RequirePhysics(const std::vector<sweep::Cell>& cells, const SweepOptions& o
       try {
         (void)engines::FindPhysics(task.physics);
       } catch (const base::Error& error) {
-        throw base::Error(fmt::format("{}: score '{}': {}", options.plan, task.name, error.what()));
+        throw base::Error("{}: score '{}': {}", options.plan, task.name, error.what());
       }
     }
   }

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <utility>
 
@@ -21,11 +20,9 @@ std::pair<std::size_t, std::size_t> ParseShard(const std::string& text) {
   unsigned long part = 0;
   unsigned long parts = 0;
   char end = 0;
-  if (std::sscanf(text.c_str(), "%lu/%lu%c", &part, &parts, &end) != 2 || part < 1 ||
-      part > parts) {
-    throw base::Error(fmt::format(
-        "--shard {}: expected PART/PARTS with PART from 1 to PARTS, such as 1/4", text));
-  }
+  base::ThrowIf(
+      std::sscanf(text.c_str(), "%lu/%lu%c", &part, &parts, &end) != 2 || part < 1 || part > parts,
+      "--shard {}: expected PART/PARTS with PART from 1 to PARTS, such as 1/4", text);
   return {part, parts};
 }
 
@@ -46,16 +43,15 @@ std::vector<sweep::Cell> Choose(const SweepOptions& options, const sweep::Plan& 
   for (const sweep::Group& group : plan.groups) names.push_back(group.name);
   for (const std::string& group : options.groups) {
     if (std::ranges::find(names, group) != names.end()) continue;
-    throw base::Error(fmt::format("--only {}: {} has no such group, expected one of {}{}", group,
-                                  options.plan, fmt::join(names, ", "),
-                                  base::Suggestion(group, names)));
+    throw base::Error("--only {}: {} has no such group, expected one of {}{}", group, options.plan,
+                      fmt::join(names, ", "), base::Suggestion(group, names));
   }
   for (const std::string& id : options.ids) {
     if (std::ranges::find(cells, id, &sweep::Cell::id) != cells.end()) continue;
-    throw base::Error(fmt::format(
+    throw base::Error(
         "--cell {}: {} has no such cell here ({}); was it planned by another version of slalom or "
         "on another class of processor?",
-        id, options.plan, train::Describe(train::ThisPlatform())));
+        id, options.plan, train::Describe(train::ThisPlatform()));
   }
   const auto [part, parts] =
       options.shard.empty() ? std::pair<std::size_t, std::size_t>{1, 1} : ParseShard(options.shard);
@@ -79,9 +75,9 @@ std::vector<SweepOptions> EachPlan(const SweepOptions& options) {
   if (files.size() == 1 && files.front() == options.plan) return {options};
   for (const std::string& set : options.overrides) {
     if (!set.starts_with("sweep.name=")) continue;
-    throw base::Error(fmt::format(
+    throw base::Error(
         "--set {}: {} lists several plans, whose reports would lie in one place; use --output", set,
-        options.plan));
+        options.plan);
   }
   std::vector<SweepOptions> each;
   for (const std::filesystem::path& file : files) {

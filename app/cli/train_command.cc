@@ -59,31 +59,20 @@ struct Source {
   std::optional<fs::path> run;
 };
 
-/// A path of a directory that ends in its name, whatever way it was written.
-fs::path NormalisedDirectory(const fs::path& directory) {
-  const fs::path normal = directory.lexically_normal();
-  const fs::path named = normal.has_filename() ? normal : normal.parent_path();
-  return named.empty() || named == "." ? fs::current_path() : named;
-}
-
 /// With --resume, CONFIG may be the run's directory or the config.toml in it, wherever the run lies
 /// now; else the run is the one that CONFIG, --name and --output name.
 Source FindSource(const TrainOptions& options) {
   const fs::path given = options.config;
   if (fs::is_directory(given)) {
-    const run::RunDirectory directory{NormalisedDirectory(given)};
-    if (!options.resume) {
-      throw base::Error(
-          fmt::format("{}: is a directory, expected a TOML file; to go on with the run there: {}",
-                      options.config, CommandLine({"train", directory.root.string(), "--resume"})));
-    }
-    if (!fs::exists(directory.config())) {
-      throw base::Error(fmt::format("{}: there is no run to resume here, as config.toml is missing",
-                                    options.config));
-    }
+    const run::RunDirectory directory{base::NormalisedDirectory(given)};
+    base::ThrowIf(!options.resume,
+                  "{}: is a directory, expected a TOML file; to go on with the run there: {}",
+                  options.config, CommandLine({"train", directory.root.string(), "--resume"}));
+    base::ThrowIf(!fs::exists(directory.config()),
+                  "{}: there is no run to resume here, as config.toml is missing", options.config);
     return {directory.config().string(), directory.root};
   }
-  const run::RunDirectory around{NormalisedDirectory(given.parent_path())};
+  const run::RunDirectory around{base::NormalisedDirectory(given.parent_path())};
   const bool is_of_run =
       given.filename() == around.config().filename() && fs::is_directory(around.checkpoints());
   if (options.resume && is_of_run && !options.name && !options.output) {
@@ -100,23 +89,21 @@ train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path
   } catch (const base::Error&) {
     if (!config::HasSection(path, "sweep")) throw;
     throw base::Error(
-        fmt::format("{}: is the plan of a sweep, expected a config; work on it with: "
-                    "slalom sweep run {}",
-                    path, path));
+        "{}: is the plan of a sweep, expected a config; work on it with: slalom sweep run {}", path,
+        path);
   }
-  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment, config.guard);
-  for (const std::string& assignment : options.overrides) {
-    config::ApplyOverride(assignment, fields);
+  for (const std::string& file : options.profiles) {
+    train::LayProfile(file, config.environment, config.guard);
   }
+  for (const std::string& assignment : options.overrides) config::ApplyOverride(assignment, fields);
   if (options.name) config.run.name = *options.name;
   if (options.seed) config.run.seed = *options.seed;
   if (options.from) config.method.learner.from = *options.from;
   if (options.deterministic) config.run.deterministic = true;
-  if (config.run.name.empty() || config.run.name.find('/') != std::string::npos ||
-      config.run.name.starts_with('.')) {
-    throw base::Error(fmt::format("run.name is '{}', expected the name of a directory below {}/",
-                                  config.run.name, options.output.value_or(kRuns)));
-  }
+  base::ThrowIf(config.run.name.empty() || config.run.name.find('/') != std::string::npos ||
+                    config.run.name.starts_with('.'),
+                "run.name is '{}', expected the name of a directory below {}/", config.run.name,
+                options.output.value_or(kRuns));
   return config;
 }
 
@@ -174,10 +161,10 @@ bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
 /// The rule of output that exists, with what may be done about a run.
 void RequireNoRun(const TrainOptions& options, const run::RunDirectory& directory) {
   if (options.resume || options.force || !fs::exists(directory.config())) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "{}: holds a run already; go on with it: {}; keep it and train another one with --name; or "
       "start over with --force, which moves it to {}.1 (.2, ...)",
-      directory.root.string(), ResumeCommand(options, directory), directory.root.string()));
+      directory.root.string(), ResumeCommand(options, directory), directory.root.string());
 }
 
 /// Says why the run learned nothing and how to go on.

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <set>
 #include <span>
@@ -28,7 +27,6 @@
 #include "policy/policy.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_sets.h"
-#include "sim/scene.h"
 
 namespace slalom::sweep {
 namespace {
@@ -65,19 +63,18 @@ void RequireScorable(const train::RunConfig& trained, const train::RunConfig& ta
                      const std::vector<int>& snapshots) {
   policy::RequireSameInterface("the policy", train::MakePolicySpec(trained),
                                sim::MakeObservationSpec(task.environment), task.environment.action);
-  if (task.environment.lidar.field_of_view != trained.environment.lidar.field_of_view) {
-    throw base::Error(fmt::format(
-        "environment.lidar.field_of_view is {} rad, expected {}, which the policy is trained with",
-        task.environment.lidar.field_of_view, trained.environment.lidar.field_of_view));
-  }
+  base::ThrowIf(
+      task.environment.lidar.field_of_view != trained.environment.lidar.field_of_view,
+      "environment.lidar.field_of_view is {} rad, expected {}, which the policy is trained with",
+      task.environment.lidar.field_of_view, trained.environment.lidar.field_of_view);
   if (!task.mpc.enabled) return;
   const std::int64_t first = StepsForUpdates(task, task.mpc.learning_starts);
   for (const std::int64_t steps : snapshots) {
     if (steps >= first) continue;
     throw base::Error(
-        fmt::format("there is no planning at {} steps, expected snapshots from {} steps on "
-                    "(mpc.learning_starts = {})",
-                    steps, first, task.mpc.learning_starts));
+        "there is no planning at {} steps, expected snapshots from {} steps on "
+        "(mpc.learning_starts = {})",
+        steps, first, task.mpc.learning_starts);
   }
 }
 
@@ -160,7 +157,7 @@ class Expansion {
 
  private:
   [[noreturn]] void Fail(const std::string& who, const std::string& what) const {
-    throw base::Error(fmt::format("{}: {}: {}", plan_.file.string(), who, what));
+    throw base::Error("{}: {}: {}", plan_.file.string(), who, what);
   }
 
   fs::path RelativeToPlan(const std::string& path) const { return plan_.file.parent_path() / path; }
@@ -332,9 +329,7 @@ class Expansion {
       }
     }
     for (const auto* set : {&group.set, &point.set}) {
-      for (const auto& [key, value] : *set) {
-        train::RequireReadBy(group.planner, key, value.where);
-      }
+      for (const auto& [key, value] : *set) train::RequireReadBy(group.planner, key, value.where);
       Apply(*set, fields);
     }
     return config;
@@ -489,16 +484,15 @@ class Expansion {
   void Add(Cell cell) {
     const auto same = std::ranges::find(cells_, cell.id, &Cell::id);
     if (same != cells_.end()) {
-      throw base::Error(fmt::format(
+      throw base::Error(
           "{}: '{}' and '{}' are the same training, expected different settings; give one of them "
           "the scores of both",
-          plan_.file.string(), same->name(), cell.name()));
+          plan_.file.string(), same->name(), cell.name());
     }
-    if (!names_.insert(cell.name()).second) {
-      throw base::Error(fmt::format(
-          "{}: two trainings are called '{}', expected different labels of groups or of an axis",
-          plan_.file.string(), cell.name()));
-    }
+    base::ThrowIf(
+        !names_.insert(cell.name()).second,
+        "{}: two trainings are called '{}', expected different labels of groups or of an axis",
+        plan_.file.string(), cell.name());
     cells_.push_back(std::move(cell));
   }
 

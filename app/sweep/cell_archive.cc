@@ -1,17 +1,19 @@
 #include "app/sweep/cell_archive.h"
 
 #include <fmt/format.h>
+#include <lzma.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <iterator>
 #include <map>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
 #include "app/sweep/claim.h"
 #include "app/sweep/store.h"
-#include "app/sweep/xz.h"
 #include "app/train/agent_run_config.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -23,13 +25,53 @@
 namespace slalom::sweep {
 namespace {
 
+constexpr std::size_t kMaxText = std::size_t{1} << 30;
+
+const std::uint8_t* Bytes(std::string_view text) {
+  return reinterpret_cast<const std::uint8_t*>(text.data());
+}
+
+std::uint8_t* Bytes(std::string& text) { return reinterpret_cast<std::uint8_t*>(text.data()); }
+
+}  // namespace
+
+std::string CompressXz(std::string_view text) {
+  std::string bytes(lzma_stream_buffer_bound(text.size()), '\0');
+  std::size_t size = 0;
+  if (lzma_easy_buffer_encode(LZMA_PRESET_DEFAULT, LZMA_CHECK_CRC64, nullptr, Bytes(text),
+                              text.size(), Bytes(bytes), &size, bytes.size()) != LZMA_OK) {
+    throw std::bad_alloc();
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
+std::string DecompressXz(std::string_view bytes, const std::string& source) {
+  std::string text(std::max<std::size_t>(16 * bytes.size(), 4096), '\0');
+  while (true) {
+    std::uint64_t memory = kMaxText;
+    std::size_t read = 0, written = 0;
+    const lzma_ret end = lzma_stream_buffer_decode(
+        &memory, 0, nullptr, Bytes(bytes), &read, bytes.size(), Bytes(text), &written, text.size());
+    if (end == LZMA_OK && read == bytes.size()) {
+      text.resize(written);
+      return text;
+    }
+    if (end != LZMA_BUF_ERROR || text.size() >= kMaxText) break;
+    text.resize(std::min(4 * text.size(), kMaxText));
+  }
+  throw base::Error("{}: is damaged, expected a file of xz", source);
+}
+
+namespace {
+
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxMetricsRows = 200;
 constexpr std::string_view kArchiveFormat = "slalom-cells";
 constexpr int kArchiveVersion = 2;
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 /// The files of one cell, by their paths below its directory, in the order in which they are
 /// written: the last ones make it count as done.
@@ -52,8 +94,8 @@ struct CellFiles {
 /// The text of a file that must hold a JSON object.
 std::string ReadJson(const fs::path& file) {
   std::string text = base::ReadFile(file);
-  if (Json::parse(text, nullptr, false).is_object()) return text;
-  throw base::Error(fmt::format("{}: is damaged, expected a JSON object", file.string()));
+  if (OrderedJson::parse(text, nullptr, false).is_object()) return text;
+  throw base::Error("{}: is damaged, expected a JSON object", file.string());
 }
 
 bool IsEvaluation(const fs::path& path) { return path.filename() == eval::kEvaluationFile; }
@@ -110,22 +152,23 @@ CellFiles ReadFinished(const fs::path& store, const Cell& cell) {
 }
 
 /// The cells of an archive by their ids, as JSON.
-using Archive = std::map<std::string, Json>;
+using Archive = std::map<std::string, OrderedJson>;
 
 bool IsJson(const fs::path& path) { return path.extension() == ".json"; }
 
-Json ToJson(const CellFiles& cell) {
-  Json json = Json::object();
+OrderedJson ToJson(const CellFiles& cell) {
+  OrderedJson json = OrderedJson::object();
   for (const auto& [path, text] : cell.files) {
-    json[path.string()] = IsJson(path) ? Json::parse(text) : Json(text);
+    json[path.string()] = IsJson(path) ? OrderedJson::parse(text) : OrderedJson(text);
   }
   return json;
 }
 
 std::string PrintArchive(const Archive& archive) {
-  std::string text = Json({{"format", kArchiveFormat}, {"version", kArchiveVersion}}).dump() + "\n";
+  std::string text =
+      OrderedJson({{"format", kArchiveFormat}, {"version", kArchiveVersion}}).dump() + "\n";
   for (const auto& [id, files] : archive) {
-    text += Json({{"id", id}, {"files", files}}).dump() + "\n";
+    text += OrderedJson({{"id", id}, {"files", files}}).dump() + "\n";
   }
   return CompressXz(text);
 }
@@ -133,26 +176,27 @@ std::string PrintArchive(const Archive& archive) {
 Archive ReadArchive(const fs::path& file) {
   const std::string text = DecompressXz(base::ReadFile(file), file.string());
   const auto require = [&](bool condition, std::string_view what) {
-    if (!condition) throw base::Error(fmt::format("{}: {}", file.string(), what));
+    base::ThrowIf(!condition, "{}: {}", file.string(), what);
   };
   std::size_t begin = 0;
   const auto next = [&] {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
-    const Json json = Json::parse(text.begin() + static_cast<std::ptrdiff_t>(begin),
-                                  text.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
+    const OrderedJson json =
+        OrderedJson::parse(text.begin() + static_cast<std::ptrdiff_t>(begin),
+                           text.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
     begin = end + 1;
-    return json.is_object() ? json : Json::object();
+    return json.is_object() ? json : OrderedJson::object();
   };
-  const Json head = next();
-  require(head.value("format", Json()) == Json(kArchiveFormat),
+  const OrderedJson head = next();
+  require(head.value("format", OrderedJson()) == OrderedJson(kArchiveFormat),
           "is damaged, expected cells that `slalom sweep export` wrote");
-  require(head.value("version", Json()) == Json(kArchiveVersion),
+  require(head.value("version", OrderedJson()) == OrderedJson(kArchiveVersion),
           fmt::format("has another version than {}, export it again", kArchiveVersion));
   Archive archive;
   while (begin < text.size()) {
-    Json cell = next();
-    const Json id = cell.value("id", Json());
-    require(id.is_string() && cell.value("files", Json()).is_object(),
+    OrderedJson cell = next();
+    const OrderedJson id = cell.value("id", OrderedJson());
+    require(id.is_string() && cell.value("files", OrderedJson()).is_object(),
             fmt::format("is damaged at cell {}", archive.size() + 1));
     require(archive.emplace(id.get<std::string>(), std::move(cell["files"])).second,
             fmt::format("has the cell '{}' twice", id.get<std::string>()));
@@ -174,10 +218,10 @@ bool IsArchived(const fs::path& path) {
 }
 
 /// A cell of an archive. Its configs are not read: they may be of an older program.
-CellFiles ReadArchived(const fs::path& archive, const std::string& id, const Json& files) {
+CellFiles ReadArchived(const fs::path& archive, const std::string& id, const OrderedJson& files) {
   CellFiles cell{id, (archive / id).string(), {}};
   const auto require = [&](bool condition, const std::string& what) {
-    if (!condition) throw base::Error(fmt::format("{}: {}", cell.source, what));
+    base::ThrowIf(!condition, "{}: {}", cell.source, what);
   };
   for (const auto& [name, value] : files.items()) {
     require(IsArchived(name), fmt::format("has a file '{}', which no cell has", name));
@@ -220,10 +264,10 @@ void RequireSame(const CellFiles& cell, const std::string& other, Find find) {
     const std::string here = cell.PathOf(path);
     const std::string elsewhere = other + "/" + path.string();
     if (ResultsOf(text, here) == ResultsOf(*there, elsewhere)) continue;
-    throw base::Error(fmt::format(
+    throw base::Error(
         "cell {}: {} and {} are results of the same cell and differ, expected the same; remove one "
         "of the two cells",
-        cell.id, here, elsewhere));
+        cell.id, here, elsewhere);
   }
 }
 

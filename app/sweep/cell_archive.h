@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "app/sweep/cell.h"
@@ -21,6 +22,13 @@
 /// No path of the machine that made it is among them.
 
 namespace slalom::sweep {
+
+/// The text in the format of `xz`, with a checksum. The same text gives the same bytes.
+std::string CompressXz(std::string_view text);
+
+/// The text that `CompressXz` was given. Throws `base::Error` that names `source` if the bytes are
+/// not whole, or if the text is larger than 1 GiB.
+std::string DecompressXz(std::string_view bytes, const std::string& source);
 
 /// Counts of the cells by result of the copy.
 struct Copied {

@@ -7,7 +7,7 @@
 #include <system_error>
 #include <utility>
 
-#include "app/sweep/cell_command.h"
+#include "app/train/command_options.h"
 #include "app/train/run_identity.h"
 #include "app/train/trained_policy.h"
 #include "base/config.h"
@@ -58,7 +58,50 @@ train::RunConfig ConfigOfService(const CellServiceOptions& options) {
   return config;
 }
 
+/// Runs a process of a service.
+std::vector<std::string> ServiceCommand(const fs::path& program, const std::string& role,
+                                        const fs::path& config, const std::string& name) {
+  return {program.string(), role, train::kConfigOption, config.string(), train::kNameOption, name};
+}
+
 }  // namespace
+
+std::vector<std::string> TrainCommand(const fs::path& program,
+                                      const std::optional<fs::path>& config,
+                                      const fs::path& output) {
+  if (!config) {
+    return {program.string(), "train", output.string(), train::kResumeOption,
+            train::kNoEvaluationOption};
+  }
+  return {program.string(),     "train",         config->string(),
+          train::kOutputOption, output.string(), train::kNoEvaluationOption};
+}
+
+std::vector<std::string> ThreadLimits(int threads) {
+  const std::string count = std::to_string(threads);
+  return {"OMP_NUM_THREADS=" + count, "OPENBLAS_NUM_THREADS=" + count};
+}
+
+std::vector<std::string> EvaluateCommand(const fs::path& program, const Cell& cell,
+                                         const ScoreTask& task, const ScoreCommand& score) {
+  return {program.string(),
+          "evaluate",
+          score.policy ? train::kPolicyOption : train::kAgentOption,
+          score.policy ? score.policy->string() : cell.planner,
+          train::kConfigOption,
+          score.config.string(),
+          train::kCoursesOption,
+          task.courses,
+          train::kPhysicsOption,
+          task.physics,
+          train::kOutputOption,
+          score.output.string(),
+          train::kForceOption,
+          train::kNameOption,
+          cell.row_name(),
+          train::kThreadsOption,
+          std::to_string(std::min(score.threads, train::kMaxThreads))};
+}
 
 CellService::CellService(const CellServiceOptions& options)
     : options_(options), config_(options.directory / "service.toml") {

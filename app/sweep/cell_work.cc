@@ -10,9 +10,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <utility>
 
-#include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/sweep/store.h"
 #include "app/train/resolved_run.h"
@@ -105,9 +103,7 @@ class Work {
                                           {"planner", cell_.planner},
                                           {"training_courses", cell_.num_training_courses}};
     base::WriteFileAtomically(directory_.facts(), facts.dump(2) + "\n");
-    if (cell_.config) {
-      base::WriteFileAtomically(directory_.config(), config::ToToml(*cell_.config));
-    }
+    if (cell_.config) base::WriteFileAtomically(directory_.config(), config::ToToml(*cell_.config));
     std::error_code ec;
     fs::remove(directory_.failed(), ec);
   }
@@ -159,8 +155,8 @@ class Work {
     fs::remove_all(aside, ec);
     fs::rename(root, aside, ec);
     if (!ec) return;
-    throw base::Error(
-        fmt::format("{}: cannot be moved to {} ({})", root.string(), aside.string(), ec.message()));
+    throw base::Error("{}: cannot be moved to {} ({})", root.string(), aside.string(),
+                      ec.message());
   }
 
   /// Trains and scores the cell. Empty if it failed and another attempt would fail alike.

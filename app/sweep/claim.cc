@@ -10,7 +10,6 @@
 #include <charconv>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
@@ -147,9 +146,9 @@ Owner ParseOwner(const std::string& text) {
 
 [[noreturn]] void ThrowUnsharable(const fs::path& directory, std::string_view what, int error) {
   throw base::Error(
-      fmt::format("{}: its file system cannot {} ({}), which a sweep needs to share work safely; "
-                  "expected a local disk, NFS or the like. Choose another with --output",
-                  directory.string(), what, std::strerror(error)));
+      "{}: its file system cannot {} ({}), which a sweep needs to share work safely; expected a "
+      "local disk, NFS or the like. Choose another with --output",
+      directory.string(), what, std::strerror(error));
 }
 
 }  // namespace

@@ -1,14 +1,11 @@
 #include "app/sweep/estimate.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <string>
 
-#include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/train/disk_room.h"
 #include "app/train/resolved_run.h"
@@ -95,9 +92,7 @@ class TemporaryDirectory {
  public:
   TemporaryDirectory() {
     std::string name = (fs::temp_directory_path() / "slalom-sweep-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw base::Error(fmt::format("{}: cannot be made, for a short trial", name));
-    }
+    base::ThrowIf(::mkdtemp(name.data()) == nullptr, "{}: cannot be made, for a short trial", name);
     path_ = name;
   }
   ~TemporaryDirectory() {
@@ -149,8 +144,8 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
     exit_code = child.Wait(kTrial);
   }  // Which ends it.
   if (exit_code && *exit_code != 0) {
-    throw base::Error(fmt::format("{}: a short trial ended with exit code {}:\n{}", cell.name(),
-                                  *exit_code, base::ReadFile(log)));
+    throw base::Error("{}: a short trial ended with exit code {}:\n{}", cell.name(), *exit_code,
+                      base::ReadFile(log));
   }
   const fs::path metrics =
       run::RunDirectory{train::RunsOf(*cell.config, run.root).front()}.metrics();

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include "app/train/profile.h"
+#include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/error.h"
 
@@ -46,8 +46,7 @@ class Checker {
 
   void Check() const {
     if (!IsName(plan_.sweep.name)) {
-      Fail(fmt::format("sweep.name is '{}', expected letters, digits, '-' and '_'",
-                       plan_.sweep.name));
+      Fail("sweep.name is '{}', expected letters, digits, '-' and '_'", plan_.sweep.name);
     }
     CheckSeeds();
     CheckTrainer();
@@ -58,11 +57,10 @@ class Checker {
     CheckColumns();
     for (const Group& group : plan_.groups) {
       if (!IsName(group.name)) {
-        Fail(fmt::format("[[group]] has the name '{}', expected letters, digits, '-' and '_'",
-                         group.name));
+        Fail("[[group]] has the name '{}', expected letters, digits, '-' and '_'", group.name);
       }
       if (!names.insert(group.name).second) {
-        Fail(fmt::format("two groups have the name '{}', expected different ones", group.name));
+        Fail("two groups have the name '{}', expected different ones", group.name);
       }
       CheckGroup(group);
     }
@@ -71,8 +69,10 @@ class Checker {
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw base::Error(fmt::format("{}: {}", plan_.file.string(), what));
+  template <class... Args>
+  [[noreturn]] void Fail(fmt::format_string<Args...> what, Args&&... args) const {
+    throw base::Error("{}: {}", plan_.file.string(),
+                      fmt::format(what, std::forward<Args>(args)...));
   }
 
   void CheckSeeds() const {
@@ -96,8 +96,8 @@ class Checker {
     if (given > 1) Fail("[budget] has more than one limit, expected steps, updates or seconds");
     if (budget.seconds > 0.0 && plan_.sweep.lockstep) {
       Fail(
-          "budget.seconds needs sweep.lockstep = false: what a training learns in a second "
-          "depends on the machine, so it cannot be repeated bit for bit; or use budget.steps");
+          "budget.seconds needs sweep.lockstep = false: what a training learns in a second depends "
+          "on the machine, so it cannot be repeated bit for bit; or use budget.steps");
     }
   }
 
@@ -108,25 +108,23 @@ class Checker {
     std::set<std::string> names;
     for (const Score& score : plan_.scores) {
       if (!IsName(score.name)) {
-        Fail(fmt::format("[[score]] has the name '{}', expected letters, digits, '-' and '_'",
-                         score.name));
+        Fail("[[score]] has the name '{}', expected letters, digits, '-' and '_'", score.name);
       }
       if (!names.insert(score.name).second) {
-        Fail(fmt::format("two scores have the name '{}', expected different ones", score.name));
+        Fail("two scores have the name '{}', expected different ones", score.name);
       }
       if (score.courses.empty()) {
-        Fail(fmt::format("[[score]] '{}' has no courses, expected a course set", score.name));
+        Fail("[[score]] '{}' has no courses, expected a course set", score.name);
       }
     }
     for (const std::string& quantity : plan_.sweep.quantities) {
       const auto known = QuantityKeys().choices;
       if (std::ranges::find(known, quantity) != known.end()) continue;
-      Fail(fmt::format("sweep.quantities names '{}', expected one of {}", quantity,
-                       fmt::join(known, ", ")));
+      Fail("sweep.quantities names '{}', expected one of {}", quantity, fmt::join(known, ", "));
     }
     for (const std::string& score : plan_.sweep.scores) {
       if (HasScore(score)) continue;
-      Fail(fmt::format("sweep.scores names '{}', expected the name of a [[score]]", score));
+      Fail("sweep.scores names '{}', expected the name of a [[score]]", score);
     }
   }
 
@@ -136,19 +134,15 @@ class Checker {
 
   void CheckAxis(const Axis& axis, const std::string& where) const {
     const std::string name = axis.name.empty() && !axis.keys.empty() ? axis.keys[0] : axis.name;
-    if (axis.keys.empty()) {
-      Fail(fmt::format("{} '{}' has no keys, expected at least one", where, name));
-    }
-    if (axis.values.empty()) {
-      Fail(fmt::format("{} '{}' is empty, expected at least one of values", where, name));
-    }
+    if (axis.keys.empty()) Fail("{} '{}' has no keys, expected at least one", where, name);
+    if (axis.values.empty()) Fail("{} '{}' is empty, expected at least one of values", where, name);
     if (!axis.labels.empty() && axis.labels.size() != axis.values.size()) {
-      Fail(fmt::format("{} '{}' has {} labels and {} values, expected as many", where, name,
-                       axis.labels.size(), axis.values.size()));
+      Fail("{} '{}' has {} labels and {} values, expected as many", where, name, axis.labels.size(),
+           axis.values.size());
     }
     if (!axis.num_seeds.empty() && axis.num_seeds.size() != axis.values.size()) {
-      Fail(fmt::format("{} '{}' has {} num_seeds and {} values, expected as many", where, name,
-                       axis.num_seeds.size(), axis.values.size()));
+      Fail("{} '{}' has {} num_seeds and {} values, expected as many", where, name,
+           axis.num_seeds.size(), axis.values.size());
     }
   }
 
@@ -162,13 +156,12 @@ class Checker {
         columns ? AxisLabels(*columns) : std::vector<std::string>();
     for (const Score& score : plan_.scores) {
       if (!columns && !score.column.empty()) {
-        Fail(fmt::format("[[score]] '{}' has the column '{}', but no [[axis]] has columns = true",
-                         score.name, score.column));
+        Fail("[[score]] '{}' has the column '{}', but no [[axis]] has columns = true", score.name,
+             score.column);
       }
       if (columns && std::ranges::find(labels, score.column) == labels.end()) {
-        Fail(
-            fmt::format("[[score]] '{}' has the column '{}', expected a label of the axis '{}': {}",
-                        score.name, score.column, AxisName(*columns), fmt::join(labels, ", ")));
+        Fail("[[score]] '{}' has the column '{}', expected a label of the axis '{}': {}",
+             score.name, score.column, AxisName(*columns), fmt::join(labels, ", "));
       }
     }
   }
@@ -178,35 +171,32 @@ class Checker {
       CheckAxis(axis, fmt::format("[[group.axis]] of '{}'", group.name));
       if (axis.columns) {
         Fail(
-            fmt::format("[[group.axis]] '{}' of '{}' has columns = true, expected that of an "
-                        "[[axis]] of the plan only",
-                        AxisName(axis), group.name));
+            "[[group.axis]] '{}' of '{}' has columns = true, expected that of an [[axis]] of the "
+            "plan only",
+            AxisName(axis), group.name);
       }
     }
     for (const std::string& score : group.scores) {
       if (HasScore(score)) continue;
-      Fail(fmt::format("group '{}' names the score '{}', expected the name of a [[score]]",
-                       group.name, score));
+      Fail("group '{}' names the score '{}', expected the name of a [[score]]", group.name, score);
     }
     if (group.planner.empty() && group.preset.empty() && plan_.sweep.preset.empty()) {
-      Fail(fmt::format("group '{}' has no preset, expected one here or in [sweep]", group.name));
+      Fail("group '{}' has no preset, expected one here or in [sweep]", group.name);
     }
   }
 
   void RequireScore(const std::string& where, const std::string& score) const {
     if (HasScore(score)) return;
-    Fail(fmt::format("{} names the score '{}', expected the name of a [[score]]", where, score));
+    Fail("{} names the score '{}', expected the name of a [[score]]", where, score);
   }
 
   void CheckReference(const Reference& reference) const {
     RequireScore(fmt::format("[[reference]] '{}'", reference.source), reference.score);
     if (reference.rows.size() != reference.values.size() ||
         (!reference.deviations.empty() && reference.deviations.size() != reference.values.size())) {
-      Fail(
-          fmt::format("[[reference]] '{}' has {} rows, {} values and {} deviations, expected as "
-                      "many of each",
-                      reference.source, reference.rows.size(), reference.values.size(),
-                      reference.deviations.size()));
+      Fail("[[reference]] '{}' has {} rows, {} values and {} deviations, expected as many of each",
+           reference.source, reference.rows.size(), reference.values.size(),
+           reference.deviations.size());
     }
   }
 
@@ -215,20 +205,18 @@ class Checker {
     if (conclusion.text.empty()) Fail("[[conclusion]] has no text, expected a sentence");
     RequireScore(where, conclusion.score);
     RequireScore(where, conclusion.other_score());
-    if (conclusion.rows.empty()) Fail(fmt::format("{} has no rows, expected at least one", where));
+    if (conclusion.rows.empty()) Fail("{} has no rows, expected at least one", where);
     const std::size_t others = conclusion.than.size();
     if (others > 1 && others != conclusion.rows.size()) {
-      Fail(fmt::format("{} has {} rows and {} in conclusion.than, expected none, one or as many",
-                       where, conclusion.rows.size(), others));
+      Fail("{} has {} rows and {} in conclusion.than, expected none, one or as many", where,
+           conclusion.rows.size(), others);
     }
     if (others == 0 && !conclusion.than_score.empty()) {
-      Fail(fmt::format("{} has conclusion.than_score without conclusion.than, expected both",
-                       where));
+      Fail("{} has conclusion.than_score without conclusion.than, expected both", where);
     }
     if (conclusion.kind == ConclusionKind::kWithin && conclusion.limit <= 0.0) {
-      Fail(fmt::format(
-          "{} has conclusion.limit = {}, expected more than 0 with conclusion.kind = \"within\"",
-          where, conclusion.limit));
+      Fail("{} has conclusion.limit = {}, expected more than 0 with conclusion.kind = \"within\"",
+           where, conclusion.limit);
     }
   }
 
@@ -245,28 +233,24 @@ std::vector<fs::path> PlanFiles(const fs::path& given) {
   } catch (const base::Error& error) {
     if (config::HasSection(file, "sweep") || !fs::exists(file)) throw;
     throw base::Error(
-        fmt::format("{}: has no section [sweep], expected the plan of a sweep (a config "
-                    "is trained with: slalom train {}): {}",
-                    given.string(), given.string(), error.what()));
+        "{}: has no section [sweep], expected the plan of a sweep (a config is trained with: "
+        "slalom train {}): {}",
+        given.string(), given.string(), error.what());
   }
   if (list.sweep.plans.empty()) return {file};
   Plan only_plans;
   only_plans.sweep.plans = list.sweep.plans;
-  if (config::ToToml(list) != config::ToToml(only_plans)) {
-    throw base::Error(
-        fmt::format("{}: has sweep.plans and other keys, expected nothing but the list of plans",
-                    file.string()));
-  }
+  base::ThrowIf(config::ToToml(list) != config::ToToml(only_plans),
+                "{}: has sweep.plans and other keys, expected nothing but the list of plans",
+                file.string());
   std::vector<fs::path> files;
   for (const std::string& path : list.sweep.plans) {
     files.push_back(file.parent_path() / path);
     Plan plan;
     config::ReadTomlFile(files.back(), config::ListFields(plan));
     if (plan.sweep.plans.empty()) continue;
-    throw base::Error(
-        fmt::format("{}: sweep.plans names {}, which is a list of plans; expected a "
-                    "plan",
-                    file.string(), path));
+    throw base::Error("{}: sweep.plans names {}, which is a list of plans; expected a plan",
+                      file.string(), path);
   }
   return files;
 }
@@ -277,10 +261,8 @@ namespace {
 Plan ReadKeys(Plan plan, const fs::path& file, std::span<const std::string> overrides) {
   const config::FieldList fields = config::ListFields(plan);
   config::ReadTomlFile(file, fields);
-  if (!plan.sweep.plans.empty()) {
-    throw base::Error(fmt::format("{}: is a list of plans, expected one of them: {}", file.string(),
-                                  fmt::join(plan.sweep.plans, ", ")));
-  }
+  base::ThrowIf(!plan.sweep.plans.empty(), "{}: is a list of plans, expected one of them: {}",
+                file.string(), fmt::join(plan.sweep.plans, ", "));
   plan.file = config::Locate(file);
   for (const std::string& assignment : overrides) {
     if (IsOfPlan(assignment)) {
@@ -331,11 +313,9 @@ std::string Label(const base::TomlValue& value) {
 base::TomlAssignments AssignmentsOf(const Axis& axis, const base::TomlValue& value) {
   if (axis.keys.size() == 1) return {{axis.keys[0], value}};
   const std::vector<base::TomlValue> elements = config::ElementsOf(value);
-  if (elements.size() != axis.keys.size()) {
-    throw base::Error(fmt::format(
-        "{}: {} has {} values, expected {}: one for each of the axis' keys {}", value.where,
-        value.text, elements.size(), axis.keys.size(), fmt::join(axis.keys, ", ")));
-  }
+  base::ThrowIf(elements.size() != axis.keys.size(),
+                "{}: {} has {} values, expected {}: one for each of the axis' keys {}", value.where,
+                value.text, elements.size(), axis.keys.size(), fmt::join(axis.keys, ", "));
   base::TomlAssignments set;
   for (std::size_t i = 0; i < axis.keys.size(); ++i) {
     set.push_back({axis.keys[i], {elements[i].text, value.where}});
@@ -356,9 +336,7 @@ std::vector<Point> Product(const std::vector<const Axis*>& axes) {
         const auto set = AssignmentsOf(*axis, axis->values[i]);
         next.set.insert(next.set.end(), set.begin(), set.end());
         next.labels.push_back(labels[i]);
-        if (!axis->num_seeds.empty()) {
-          next.max_seeds = std::min(next.max_seeds, axis->num_seeds[i]);
-        }
+        if (!axis->num_seeds.empty()) next.max_seeds = std::min(next.max_seeds, axis->num_seeds[i]);
         more.push_back(std::move(next));
       }
     }

@@ -3,7 +3,6 @@
 #include <functional>
 #include <span>
 #include <stop_token>
-#include <string>
 #include <vector>
 
 #include "app/sweep/cell_work.h"

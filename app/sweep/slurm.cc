@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
 #include <sstream>
 #include <string_view>
@@ -46,10 +45,10 @@ std::vector<Submitted> ReadRecord(const fs::path& directory) {
       arrays.push_back({array.at("job"), array.at("cells")});
     }
   } catch (const nlohmann::json::exception&) {
-    throw base::Error(fmt::format(
+    throw base::Error(
         "{} is damaged: expected the arrays that were submitted; once squeue shows no task of this "
         "sweep, delete the file",
-        file.string()));
+        file.string());
   }
   return arrays;
 }
@@ -99,12 +98,12 @@ std::string AskSlurm(const std::vector<std::string>& arguments, std::string_view
       if (!line.empty()) lines.push_back(line);
     }
     if (lines.empty()) lines.push_back(fmt::format("exit code {}", result.exit_code));
-    throw base::Error(fmt::format("{}: {}", fault, fmt::join(lines, "; ")));
+    throw base::Error("{}: {}", fault, fmt::join(lines, "; "));
   } catch (const base::ProgramMissing&) {
     throw base::Error(
-        fmt::format("{} is not installed here, expected a machine of a Slurm cluster (Debian's "
-                    "package slurm-client)",
-                    program));
+        "{} is not installed here, expected a machine of a Slurm cluster (Debian's package "
+        "slurm-client)",
+        program);
   }
 }
 
@@ -207,12 +206,10 @@ std::string SubmitArray(const SlurmSweep& sweep, std::size_t num_cells, const fs
                fmt::format("sbatch refused an array of {} cells", num_cells));
   // "12", or "12;cluster".
   std::string job = answer.substr(0, answer.find_first_of(";\n"));
-  if (job.empty() || job.find_first_not_of("0123456789") != std::string::npos) {
-    throw base::Error(
-        fmt::format("sbatch answered '{}', expected the number of a job; squeue shows whether "
-                    "there is one",
-                    answer));
-  }
+  base::ThrowIf(
+      job.empty() || job.find_first_not_of("0123456789") != std::string::npos,
+      "sbatch answered '{}', expected the number of a job; squeue shows whether there is one",
+      answer);
   return job;
 }
 

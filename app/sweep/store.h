@@ -1,12 +1,14 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "app/sweep/cell.h"
+#include "app/sweep/claim.h"
+#include "app/train/run_identity.h"
 #include "app/train/sweep_files.h"
 #include "app/train/trained_policy.h"
 
@@ -27,6 +29,19 @@
 ///     ROOT/plans/NAME/             the plan as it was resolved, and its report
 
 namespace slalom::sweep {
+
+/// Records that this program works on the plan: plan.toml (as resolved) and sweep.json (its cells,
+/// the platform and the program). Throws `base::Error` if workers of another version or, unless the
+/// plan mixes platforms, of another platform work on its cells now, because their results could not
+/// be compared. Before that it watches claimed cells for `patience`, to see whether their workers
+/// are alive.
+void BeginPlan(const std::filesystem::path& store, const Plan& plan, const Cells& cells,
+               const train::Platform& platform, const std::string& commit,
+               std::chrono::seconds patience = Claim::kExpiry);
+
+/// Counts the cells of the plan's last run that are not among `cells`, because the plan, the
+/// program or the platform has changed. Returns 0 if it was never run.
+int CountStale(const std::filesystem::path& store, const Plan& plan, const Cells& cells);
 
 /// The directory of a sweep's cells. A value; makes no file.
 class CellDirectory {

@@ -1,7 +1,5 @@
 #include "app/watch/run_page.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -61,7 +59,7 @@ std::string LivePage() { return eval::FillPage(kRunPage, "null"); }
 
 std::string RunPage(const std::filesystem::path& directory, const RunFacts& facts) {
   const auto run = ReadRun(directory, facts, kMaxPoints);
-  if (!run) throw base::Error(fmt::format("{}: there is no run here", directory.string()));
+  base::ThrowIf(!run, "{}: there is no run here", directory.string());
   Json json = RunJson(*run, facts);
   json.erase("state");  // True for this moment only.
   json["left_s"] = nullptr;

@@ -5,8 +5,8 @@
 #include <sys/sysmacros.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
-#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -47,9 +47,7 @@ double FractionOf(const run::MetricsTable& metrics, const RunFacts& facts) {
   double fraction = 0.0;
   const double steps = metrics.Last("steps");
   const double seconds = metrics.Last("training_s");
-  if (facts.max_steps > 0 && steps > 0.0) {
-    fraction = steps / static_cast<double>(facts.max_steps);
-  }
+  if (facts.max_steps > 0 && steps > 0.0) fraction = steps / static_cast<double>(facts.max_steps);
   if (facts.max_seconds > 0.0 && seconds > 0.0) {
     fraction = std::max(fraction, seconds / facts.max_seconds);
   }
@@ -59,16 +57,9 @@ double FractionOf(const run::MetricsTable& metrics, const RunFacts& facts) {
 }  // namespace
 
 std::string_view ToString(RunState state) {
-  switch (state) {
-    case RunState::kStarting:
-      return "starting";
-    case RunState::kTraining:
-      return "training";
-    case RunState::kFinished:
-      return "finished";
-    default:
-      return "stopped";
-  }
+  constexpr std::array<std::string_view, 4> kNames = {"starting", "training", "finished",
+                                                      "stopped"};
+  return kNames.at(static_cast<std::size_t>(state));
 }
 
 bool IsRun(const fs::path& directory) {

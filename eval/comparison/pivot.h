@@ -21,7 +21,7 @@ struct PivotEntry {
   std::size_t line = 0;  ///< Index in `Pivot::lines`, as the others are.
   std::size_t block = 0;
   std::optional<std::size_t> column{};  ///< Empty: the number is of all columns of its block.
-  PivotNumber number;
+  PivotNumber number{};
   std::string mark{};       ///< "2/3": the share of the planned seeds. May be empty.
   std::size_t contest = 0;  ///< The best of one contest is bold.
   bool higher_is_better = true;

@@ -3,13 +3,25 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "app/sweep/report/report_content.h"
+#include "eval/comparison/pivot.h"
 
 /// The report of a sweep, at any time: cells that are not done are listed as missing.
 /// docs/sweeps.md explains it.
 
 namespace slalom::sweep {
+
+/// Returns the tables of a report in the layout of papers: mean and standard deviation over seeds,
+/// and the published numbers.
+///
+/// If rows have two labels or more, each quantity has a table: the last label gives the columns,
+/// below a head for each score, and the others the lines. If they have one, each quantity of
+/// `sweep.quantities` has a table with rows as lines and scores as columns; if the plan names none,
+/// each score has one with quantities as lines and rows as columns. Scores with snapshots have
+/// another, with steps as columns. Without scores, there is none.
+std::vector<eval::Pivot> CrossTables(const ReportContent& content);
 
 /// Writes the report into `PlanDirectory(store, plan.sweep.name)`, each file atomically:
 ///
@@ -48,5 +60,18 @@ std::string MarkdownSummary(const ReportContent& content);
 
 /// Returns a table of the conclusions of several plans: each with its figures and its verdict.
 std::string MarkdownConclusions(std::span<const ReportContent> contents);
+
+/// Returns a Markdown page with its blocks replaced. A block lies between two lines and has one of
+/// these beginnings, with the name of a plan for NAME:
+///
+///     <!-- sweep table NAME -->     the first of `CrossTables`
+///     <!-- sweep summary NAME -->   `MarkdownSummary`
+///     <!-- sweep conclusions -->    `MarkdownConclusions` of all plans; with a NAME, of that one
+///     <!-- end of sweep -->
+///
+/// Blocks of other plans stay as they are. `source` names the page in errors. Throws `base::Error`
+/// with the line if a block is of another kind or has no end, or if there is none to fill.
+std::string FillBlocks(const std::string& page, const std::string& source,
+                       std::span<const ReportContent> contents);
 
 }  // namespace slalom::sweep

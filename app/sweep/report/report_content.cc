@@ -5,15 +5,188 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <map>
-#include <numeric>
 #include <set>
+#include <span>
 
 #include "app/train/resolved_run.h"
 #include "base/progress.h"
+#include "eval/comparison/comparison.h"
 #include "eval/report/table_text.h"
+#include "eval/statistics/bootstrap.h"
+#include "eval/statistics/score_table.h"
 
 namespace slalom::sweep {
+namespace {
+
+/// The cells of a row that are trained and have every one of its snapshots.
+std::vector<std::size_t> WholeCells(const SweepResults& results,
+                                    std::span<const RowScore> snapshots) {
+  std::vector<std::size_t> cells;
+  for (const CellScore& seed : snapshots.front().seeds) {
+    const bool is_whole = std::ranges::all_of(snapshots, [&](const RowScore& row) {
+      const auto found = std::ranges::find(row.seeds, seed.cell, &CellScore::cell);
+      return found != row.seeds.end() && found->result.courses.size() == seed.result.courses.size();
+    });
+    if (is_whole && results.statuses[seed.cell].trained) cells.push_back(seed.cell);
+  }
+  return cells;
+}
+
+/// Success of these cells by seed and course.
+eval::ScoreTable SuccessOf(const SweepResults& results, const RowScore& row,
+                           const std::vector<std::size_t>& cells) {
+  eval::Agent agent = AgentOf(results, row);
+  agent.seeds.clear();
+  for (const CellScore& seed : row.seeds) {
+    if (std::ranges::find(cells, seed.cell) != cells.end()) agent.seeds.push_back(&seed.result);
+  }
+  return eval::ScoresOf(agent, eval::Quantities().front());
+}
+
+/// Training time at each point, [s]; empty if one of them is not known or they do not rise.
+std::vector<double> SecondsOf(const SweepResults& results, std::size_t cell,
+                              std::span<const std::int64_t> steps) {
+  std::vector<double> seconds;
+  for (const std::int64_t at : steps) {
+    const TrainedCell& trained = *results.statuses[cell].trained;
+    const auto found = results.snapshot_seconds.find({cell, at});
+    const bool is_last = at == steps.back() && at >= trained.steps;
+    if (!is_last && found == results.snapshot_seconds.end()) return {};
+    const double here = is_last ? trained.training_s : found->second;
+    if (!seconds.empty() && here <= seconds.back()) return {};
+    seconds.push_back(here);
+  }
+  return seconds;
+}
+
+/// The area under each seed's curve on each course. `tables`: [point], `x`: [seed][point]
+eval::Estimate AreaOf(const std::vector<eval::ScoreTable>& tables,
+                      const std::vector<std::vector<double>>& x) {
+  eval::ScoreTable areas = tables.front();
+  for (std::size_t s = 0; s < areas.scores.size(); ++s) {
+    for (std::size_t c = 0; c < areas.scores[s].size(); ++c) {
+      std::vector<double> heights;
+      for (const eval::ScoreTable& table : tables) heights.push_back(table.scores[s][c]);
+      areas.scores[s][c] = eval::AreaUnderCurve(x[s], heights);
+    }
+  }
+  return eval::BootstrapMean(areas);
+}
+
+/// The curve of one row from its snapshots, by steps. Without points if there are fewer than two.
+LearningCurve CurveOf(const SweepResults& results, std::span<const RowScore> snapshots) {
+  const std::vector<std::size_t> cells = WholeCells(results, snapshots);
+  LearningCurve curve{.row = snapshots.front().row,
+                      .num_seeds = static_cast<int>(cells.size()),
+                      .num_planned = snapshots.front().num_planned};
+  if (cells.empty()) return curve;
+  std::vector<std::int64_t> steps;
+  std::vector<eval::ScoreTable> tables;
+  for (const RowScore& row : snapshots) {
+    const std::int64_t at = row.snapshot_steps > 0 ? row.snapshot_steps
+                                                   : results.statuses[cells.front()].trained->steps;
+    // A snapshot at the last step is the finished policy.
+    if (!steps.empty() && at <= steps.back()) continue;
+    steps.push_back(at);
+    tables.push_back(SuccessOf(results, row, cells));
+  }
+  if (steps.size() < 2) return curve;
+  std::vector<std::vector<double>> seconds;
+  for (const std::size_t cell : cells) seconds.push_back(SecondsOf(results, cell, steps));
+  const bool has_seconds = std::ranges::find(seconds, std::vector<double>()) == seconds.end();
+  for (std::size_t p = 0; p < steps.size(); ++p) {
+    LearningCurve::Point& point = curve.points.emplace_back();
+    point.steps = static_cast<double>(steps[p]);
+    point.success = eval::BootstrapMean(tables[p]);
+    if (!has_seconds) continue;
+    double sum = 0.0;
+    for (const auto& of_seed : seconds) sum += of_seed[p];
+    point.seconds = sum / curve.num_seeds;
+  }
+  curve.area_over_steps =
+      AreaOf(tables, std::vector(cells.size(), std::vector<double>(steps.begin(), steps.end())));
+  if (has_seconds) curve.area_over_seconds = AreaOf(tables, seconds);
+  return curve;
+}
+
+}  // namespace
+
+std::vector<LearningCurve> LearningCurves(const SweepResults& results, const ScoreResults& score) {
+  std::vector<LearningCurve> curves;
+  const std::span<const RowScore> all(score.snapshots);
+  for (std::size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+    while (end < all.size() && all[end].row == all[begin].row) ++end;
+    LearningCurve curve = CurveOf(results, all.subspan(begin, end - begin));
+    if (!curve.points.empty()) curves.push_back(std::move(curve));
+  }
+  return curves;
+}
+
+namespace {
+
+/// The evaluations of a row on a score; null: there are none.
+const RowScore* FindScored(const SweepResults& results, const std::string& row,
+                           const std::string& score) {
+  const auto& scores = results.scores;
+  const auto of_score = std::ranges::find(scores, score, &ScoreResults::name);
+  if (of_score == scores.end()) return nullptr;
+  for (const RowScore& found : of_score->rows) {
+    if (results.rows[found.row].name == row) return found.seeds.empty() ? nullptr : &found;
+  }
+  return nullptr;
+}
+
+ConclusionFigure JudgeRow(const SweepResults& results, const Conclusion& conclusion,
+                          const eval::Quantity& quantity, std::size_t i) {
+  ConclusionFigure figure;
+  figure.row = conclusion.rows[i];
+  const RowScore* row = FindScored(results, figure.row, conclusion.score);
+  if (conclusion.than.empty()) {
+    if (row == nullptr) return figure;
+    figure.estimate = eval::EstimateOf(AgentOf(results, *row), quantity);
+  } else {
+    figure.than = conclusion.than[conclusion.than.size() == 1 ? 0 : i];
+    const RowScore* other = FindScored(results, figure.than, conclusion.other_score());
+    if (row == nullptr || other == nullptr) return figure;
+    figure.estimate =
+        eval::DifferenceOf(AgentOf(results, *row), AgentOf(results, *other), quantity);
+  }
+  figure.verdict = figure.estimate ? Judge(*figure.estimate, conclusion.kind, conclusion.limit)
+                                   : ConclusionVerdict::kCannotTell;
+  return figure;
+}
+
+}  // namespace
+
+ConclusionVerdict Judge(const eval::Estimate& estimate, ConclusionKind kind, double limit) {
+  if (!estimate.interval) return ConclusionVerdict::kCannotTell;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const double from = kind == ConclusionKind::kBelow    ? -kInfinity
+                      : kind == ConclusionKind::kWithin ? -limit
+                                                        : limit;
+  const double to = kind == ConclusionKind::kAbove ? kInfinity : limit;
+  const auto [low, high] = *estimate.interval;
+  if (low > from && high < to) return ConclusionVerdict::kHolds;
+  const bool is_elsewhere = low > to || high < from;
+  return is_elsewhere ? ConclusionVerdict::kDoesNotHold : ConclusionVerdict::kCannotTell;
+}
+
+std::vector<JudgedConclusion> JudgeConclusions(const Plan& plan, const SweepResults& results) {
+  std::vector<JudgedConclusion> judged;
+  for (const Conclusion& conclusion : plan.conclusions) {
+    const eval::Quantity& quantity = eval::Quantities()[*eval::FindQuantity(conclusion.quantity)];
+    JudgedConclusion& one = judged.emplace_back();
+    one.conclusion = conclusion;
+    for (std::size_t i = 0; i < conclusion.rows.size(); ++i) {
+      one.figures.push_back(JudgeRow(results, conclusion, quantity, i));
+      one.verdict = std::min(one.verdict, one.figures.back().verdict);
+    }
+  }
+  return judged;
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -44,10 +217,6 @@ std::string BudgetText(const Cells& cells) {
   return fmt::format("{}", fmt::join(texts, ", "));
 }
 
-bool HasTrainings(const Cells& cells) {
-  return std::ranges::any_of(cells.cells, [](const Cell& cell) { return cell.config.has_value(); });
-}
-
 /// "4 of 9 done, 4 waiting, 1 failed"
 std::string ProgressText(const SweepResults& results) {
   std::string text =
@@ -61,43 +230,31 @@ std::string ProgressText(const SweepResults& results) {
   return text;
 }
 
-/// The commits of all programs that trained or evaluated.
-std::set<std::string> CommitsOf(const SweepResults& results) {
+/// The programs and machines that the numbers are from.
+struct Origins {
   std::set<std::string> commits;
+  std::set<std::string> platforms;
+  std::map<std::string, int> machines;  ///< The most cells that each of them trained at once.
+};
+
+Origins OriginsOf(const SweepResults& results) {
+  Origins origins;
   for (const CellStatus& status : results.statuses) {
-    if (status.trained) commits.insert(status.trained->commit);
+    if (!status.trained) continue;
+    origins.commits.insert(status.trained->commit);
+    origins.platforms.insert(status.trained->platform);
+    int& most = origins.machines[status.trained->host];
+    most = std::max(most, status.trained->at_once);
   }
   for (const ScoreResults& score : results.scores) {
     for (const RowScore& row : score.rows) {
-      for (const CellScore& seed : row.seeds) commits.insert(seed.result.commit);
+      for (const CellScore& seed : row.seeds) origins.commits.insert(seed.result.commit);
     }
   }
-  commits.erase("");
-  return commits;
-}
-
-std::set<std::string> PlatformsOf(const SweepResults& results) {
-  std::set<std::string> platforms;
-  for (const CellStatus& status : results.statuses) {
-    if (status.trained) platforms.insert(status.trained->platform);
-  }
-  platforms.erase("");
-  return platforms;
-}
-
-/// "node-1 (4 cells at a time)" for each machine that trained.
-std::set<std::string> MachinesOf(const SweepResults& results) {
-  std::map<std::string, int> most_at_once;
-  for (const CellStatus& status : results.statuses) {
-    if (!status.trained || status.trained->host.empty()) continue;
-    int& most = most_at_once[status.trained->host];
-    most = std::max(most, status.trained->at_once);
-  }
-  std::set<std::string> machines;
-  for (const auto& [host, most] : most_at_once) {
-    machines.insert(most > 1 ? fmt::format("{} (up to {} cells at a time)", host, most) : host);
-  }
-  return machines;
+  origins.commits.erase("");
+  origins.platforms.erase("");
+  origins.machines.erase("");
+  return origins;
 }
 
 std::string HowTrained(const SweepSettings& sweep) {
@@ -121,25 +278,25 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, 
     facts.emplace_back("Changed by --set", fmt::format("{}", fmt::join(sets, ", ")));
   }
   facts.emplace_back("Cells", ProgressText(results));
-  if (HasTrainings(cells)) {
+  if (std::ranges::any_of(cells.cells, [](const Cell& cell) { return cell.config.has_value(); })) {
     facts.emplace_back("Seeds", fmt::format("{}", fmt::join(plan.sweep.seeds, ", ")));
     facts.emplace_back("Budget of a training", BudgetText(cells));
     facts.emplace_back("Training", HowTrained(plan.sweep));
   }
-  const auto machines = MachinesOf(results);
-  if (!machines.empty()) {
-    facts.emplace_back(machines.size() == 1 ? "Machine" : "Machines",
-                       fmt::format("{}", fmt::join(machines, ", ")));
+  const Origins origins = OriginsOf(results);
+  std::vector<std::string> machines;
+  for (const auto& [host, most] : origins.machines) {
+    machines.push_back(most > 1 ? fmt::format("{} (up to {} cells at a time)", host, most) : host);
   }
-  const auto platforms = PlatformsOf(results);
-  if (!platforms.empty()) {
-    facts.emplace_back("Arithmetic", fmt::format("{}", fmt::join(platforms, "; ")));
-  }
-  const auto commits = CommitsOf(results);
-  if (!commits.empty()) {
-    facts.emplace_back(commits.size() == 1 ? "Commit" : "Commits",
-                       fmt::format("{}", fmt::join(commits, ", ")));
-  }
+  const auto add = [&](const char* name, const char* plural, const auto& texts,
+                       const char* between) {
+    if (texts.empty()) return;
+    facts.emplace_back(texts.size() == 1 ? name : plural,
+                       fmt::format("{}", fmt::join(texts, between)));
+  };
+  add("Machine", "Machines", machines, ", ");
+  add("Arithmetic", "Arithmetic", origins.platforms, "; ");
+  add("Commit", "Commits", origins.commits, ", ");
   return facts;
 }
 
@@ -164,7 +321,7 @@ std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& result
         "else ran there.",
         base::FormatDuration(plan.budget.seconds)));
   }
-  if (CommitsOf(results).size() > 1) {
+  if (OriginsOf(results).commits.size() > 1) {
     warnings.push_back("The numbers are from several versions of the program.");
   }
   return warnings;
@@ -222,61 +379,59 @@ std::string BestOf(const std::vector<eval::AgentFigures>& agents) {
       names.size() == 1 ? "" : "s", fmt::join(names, "; "), text(best), scored.size());
 }
 
-std::optional<double> MeanOf(const std::vector<double>& values) {
-  if (values.empty()) return std::nullopt;
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+/// Mean of a number of the row's seeds, over those that have it.
+template <class Number>
+std::optional<double> MeanOf(const RowScore& row, Number number) {
+  double sum = 0.0;
+  int count = 0;
+  for (const CellScore& seed : row.seeds) {
+    const std::optional<double> of_seed = number(seed.cell);
+    sum += of_seed.value_or(0.0);
+    count += of_seed.has_value();
+  }
+  return count > 0 ? std::optional(sum / count) : std::nullopt;
 }
 
 TrainingFigures TrainingOf(const SweepResults& results, const RowScore& row) {
-  std::vector<double> steps;
-  std::vector<double> updates;
-  std::vector<double> imagined;
-  std::vector<double> seconds;
-  for (const CellScore& seed : row.seeds) {
-    if (row.snapshot_steps > 0) {
-      steps.push_back(static_cast<double>(row.snapshot_steps));
-      const auto found = results.snapshot_seconds.find({seed.cell, row.snapshot_steps});
-      if (found != results.snapshot_seconds.end()) seconds.push_back(found->second);
-      continue;
-    }
-    const std::optional<TrainedCell>& trained = results.statuses[seed.cell].trained;
-    if (!trained) continue;
-    const train::PolicyFigures total = trained->total();
-    steps.push_back(static_cast<double>(total.steps));
-    updates.push_back(static_cast<double>(total.updates));
-    if (trained->imagined) imagined.push_back(static_cast<double>(*trained->imagined));
-    seconds.push_back(total.training_s);
+  using Number = std::optional<double>;
+  if (row.snapshot_steps > 0) {
+    const auto seconds = [&](std::size_t cell) {
+      const auto found = results.snapshot_seconds.find({cell, row.snapshot_steps});
+      return found == results.snapshot_seconds.end() ? Number() : Number(found->second);
+    };
+    const auto steps = [&](std::size_t) { return Number(row.snapshot_steps); };
+    return {.steps = MeanOf(row, steps), .training_s = MeanOf(row, seconds)};
   }
-  return {MeanOf(steps), MeanOf(updates), MeanOf(imagined), MeanOf(seconds)};
-}
-
-Snapshot SnapshotOf(const SweepResults& results, const RowScore& row) {
-  eval::Agent agent = AgentOf(results, row);
-  agent.label += row.snapshot_steps > 0
-                     ? fmt::format(", after {} steps",
-                                   base::FormatCount(static_cast<double>(row.snapshot_steps)))
-                     : ", at the end";
-  return {row.row, row.snapshot_steps, eval::FiguresOf(agent), TrainingOf(results, row)};
+  const auto mean = [&](auto number) {
+    return MeanOf(row, [&](std::size_t cell) {
+      const std::optional<TrainedCell>& trained = results.statuses[cell].trained;
+      return trained ? Number(number(*trained)) : Number();
+    });
+  };
+  return {.steps = mean([](const TrainedCell& cell) { return cell.total().steps; }),
+          .updates = mean([](const TrainedCell& cell) { return cell.total().updates; }),
+          .imagined = mean([](const TrainedCell& cell) { return Number(cell.imagined); }),
+          .training_s = mean([](const TrainedCell& cell) { return cell.total().training_s; })};
 }
 
 /// The quantities of the tables.
 std::vector<std::size_t> Columns() {
   std::vector<std::size_t> columns;
-  for (const char* key : {"success_rate", "success_rate_iqm", "success_rate_worst",
-                          "collision_rate", "survival_time_s", "traversal_time_s"}) {
-    columns.push_back(*eval::FindQuantity(key));
+  for (std::size_t q = 0; q < eval::Quantities().size(); ++q) {
+    const eval::Quantity& quantity = eval::Quantities()[q];
+    const bool is_of_plans = std::ranges::count(QuantityKeys().choices, quantity.key) > 0;
+    if (is_of_plans || quantity.aggregate != eval::Aggregate::kMean) columns.push_back(q);
   }
   return columns;
 }
 
 ScoreContent MakeScore(const Cells& cells, const SweepResults& results, const ScoreResults& score,
                        const std::string& courses) {
-  ScoreContent content{score.name, score.label, courses, {}, {}, {}, {}, {}};
+  ScoreContent content{.name = score.name, .label = score.label, .courses = courses};
   std::vector<eval::Agent> agents;
   for (const RowScore& row : score.rows) {
     agents.push_back(AgentOf(results, row));
-    content.rows.push_back(row.row);
-    content.trainings.push_back(TrainingOf(results, row));
+    content.rows.push_back({row.row, 0, TrainingOf(results, row)});
   }
   eval::CompareOptions options;
   options.columns = {0};  // Pairs are compared by success alone.
@@ -288,7 +443,12 @@ ScoreContent MakeScore(const Cells& cells, const SweepResults& results, const Sc
   if (!cells.axis_names.empty()) note(BestOf(content.group.agents));
   if (courses != "training") note(OverlapOf(results, score));
   for (const RowScore& row : score.snapshots) {
-    content.snapshots.push_back(SnapshotOf(results, row));
+    eval::Agent agent = AgentOf(results, row);
+    agent.label += row.snapshot_steps > 0
+                       ? fmt::format(", after {} steps", base::FormatCount(row.snapshot_steps))
+                       : ", at the end";
+    content.snapshots.push_back(eval::FiguresOf(agent));
+    content.snapshot_rows.push_back({row.row, row.snapshot_steps, TrainingOf(results, row)});
   }
   content.curves = LearningCurves(results, score);
   return content;
@@ -316,21 +476,21 @@ std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
   for (const Reference& reference : plan.references) {
     if (reference.score != score || reference.quantity != quantity.key) continue;
     for (std::size_t i = 0; i < reference.rows.size(); ++i) {
-      if (reference.rows[i] != row || i >= reference.values.size()) continue;
-      const bool has_deviation = i < reference.deviations.size() && reference.deviations[i] > 0.0;
-      published.push_back({reference.source, reference.values[i],
-                           has_deviation ? std::optional(reference.deviations[i]) : std::nullopt});
+      if (reference.rows[i] != row) continue;
+      eval::PivotNumber number{.mean = reference.values[i]};
+      const auto& deviations = reference.deviations;
+      if (!deviations.empty() && deviations[i] > 0.0) number.deviation = deviations[i];
+      published.emplace_back(reference.source, number);
     }
   }
   return published;
 }
 
 std::string Describe(const MissingScore& missing, const Cells& cells) {
-  const std::string snapshot =
-      missing.snapshot_steps > 0
-          ? fmt::format(" after {} steps",
-                        base::FormatCount(static_cast<double>(missing.snapshot_steps)))
-          : "";
+  std::string snapshot;
+  if (missing.snapshot_steps > 0) {
+    snapshot = fmt::format(" after {} steps", base::FormatCount(missing.snapshot_steps));
+  }
   return fmt::format("{}, {}{}: {}", cells.cells[missing.cell].name(), missing.score, snapshot,
                      missing.why);
 }

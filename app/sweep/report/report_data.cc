@@ -1,7 +1,6 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
-#include <algorithm>
-#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <tuple>
@@ -19,24 +18,13 @@ extern const std::string_view kSweepPage;  // An embedded page.
 
 namespace {
 
-using eval::CsvField;
 using eval::JsonOf;
+using Fields = std::vector<std::string>;
 using Json = nlohmann::json;
 
-/// "row", then a column for each axis.
-std::string LabelHead(const Cells& cells) {
-  std::string head = "row";
-  for (const std::string& axis : cells.axis_names) head += "," + CsvField(axis);
-  return head;
-}
-
-/// The fields below `LabelHead`.
-std::string LabelFields(const Row& row, const Cells& cells) {
-  std::string fields = CsvField(row.name);
-  for (std::size_t a = 0; a < cells.axis_names.size(); ++a) {
-    fields += "," + (a < row.labels.size() ? CsvField(row.labels[a]) : "");
-  }
-  return fields;
+std::string LineOf(Fields fields) {
+  for (std::string& field : fields) field = eval::CsvField(field);
+  return fmt::format("{}", fmt::join(fields, ","));
 }
 
 std::string Field(const std::optional<double>& number) {
@@ -44,6 +32,21 @@ std::string Field(const std::optional<double>& number) {
 }
 
 std::string StepsField(std::int64_t steps) { return steps > 0 ? fmt::format("{}", steps) : ""; }
+
+/// "row", then a column for each axis.
+std::string LabelHead(const Cells& cells) {
+  Fields fields = cells.axis_names;
+  fields.insert(fields.begin(), "row");
+  return LineOf(std::move(fields));
+}
+
+/// The fields below `LabelHead`.
+std::string LabelFields(const Row& row, const Cells& cells) {
+  Fields fields = row.labels;
+  fields.resize(cells.axis_names.size());
+  fields.insert(fields.begin(), row.name);
+  return LineOf(std::move(fields));
+}
 
 /// Evaluations by cell, score and snapshot.
 using Evaluations =
@@ -63,42 +66,33 @@ Evaluations EvaluationsOf(const SweepResults& results) {
   return evaluations;
 }
 
-/// The quantities of a single evaluation.
-std::vector<const eval::Quantity*> Means() {
-  std::vector<const eval::Quantity*> means;
-  for (const eval::Quantity& quantity : eval::Quantities()) {
-    if (quantity.aggregate == eval::Aggregate::kMean) means.push_back(&quantity);
+/// Of one evaluation, which may be null: courses, episodes and means. Of no evaluation: the heads.
+Fields ResultFields(const eval::Result* result, bool is_head = false) {
+  Fields fields(2);
+  if (is_head) fields = {"courses", "episodes"};
+  if (result) {
+    fields = {fmt::format("{}", result->courses.size()),
+              fmt::format("{}", result->set.num_episodes)};
   }
-  return means;
-}
-
-std::string ResultFields(const eval::Result* result) {
-  std::string fields = result
-                           ? fmt::format("{},{}", result->courses.size(), result->set.num_episodes)
-                           : std::string(",");
-  for (const eval::Quantity* quantity : Means()) {
-    fields += "," + (result ? Field(eval::ValueOf(*result, *quantity)) : "");
+  for (const eval::Quantity& quantity : eval::Quantities()) {
+    if (quantity.aggregate != eval::Aggregate::kMean) continue;
+    fields.push_back(is_head  ? std::string(quantity.key)
+                     : result ? Field(eval::ValueOf(*result, quantity))
+                              : "");
   }
   return fields;
 }
 
-std::string TrainingFields(const std::optional<TrainedCell>& trained) {
-  if (!trained) return ",,,,,,";
+Fields TrainingFields(const std::optional<TrainedCell>& trained) {
+  if (!trained) return Fields(7);
   const train::PolicyFigures total = trained->total();
-  return fmt::format("{},{},{},{:.6g},{},{},{}", total.steps, total.updates,
-                     trained->imagined ? fmt::format("{}", *trained->imagined) : "",
-                     total.training_s, CsvField(trained->host), trained->at_once,
-                     CsvField(trained->commit));
-}
-
-std::string RowLine(const ReportContent& content, const ScoreContent& score, std::size_t row,
-                    std::int64_t snapshot_steps, const eval::AgentFigures& agent,
-                    const TrainingFigures& training) {
-  return fmt::format("{},{},{},{},{},{},{},{}\n",
-                     LabelFields(content.results.rows[row], content.cells), CsvField(score.name),
-                     StepsField(snapshot_steps), eval::FiguresCsvFields(agent),
-                     Field(training.steps), Field(training.updates), Field(training.imagined),
-                     Field(training.training_s));
+  return {fmt::format("{}", total.steps),
+          fmt::format("{}", total.updates),
+          trained->imagined ? fmt::format("{}", *trained->imagined) : "",
+          Field(total.training_s),
+          trained->host,
+          fmt::format("{}", trained->at_once),
+          trained->commit};
 }
 
 // ---- The page
@@ -106,21 +100,23 @@ std::string RowLine(const ReportContent& content, const ScoreContent& score, std
 /// Adds what only a sweep knows to the JSON of a score's agents.
 void AddRows(const ReportContent& content, const ScoreContent& score, Json& agents) {
   for (std::size_t i = 0; i < score.rows.size(); ++i) {
-    const Row& row = content.results.rows[score.rows[i]];
-    const TrainingFigures& training = score.trainings[i];
-    agents[i].update({{"row", score.rows[i]},
+    const Row& row = content.results.rows[score.rows[i].row];
+    const TrainingFigures& training = score.rows[i].training;
+    Json published = Json::object();
+    for (const eval::Quantity& quantity : eval::Quantities()) {
+      Json& list = published[std::string(quantity.key)] = Json::array();
+      for (const auto& [source, number] :
+           FindPublished(content.plan, score.name, row.name, quantity)) {
+        list.push_back(
+            {{"source", source}, {"value", *number.mean}, {"deviation", JsonOf(number.deviation)}});
+      }
+    }
+    agents[i].update({{"row", score.rows[i].row},
                       {"labels", row.labels},
                       {"steps", JsonOf(training.steps)},
                       {"imagined", JsonOf(training.imagined)},
                       {"training_s", JsonOf(training.training_s)},
-                      {"published", Json::object()}});
-    for (const eval::Quantity& quantity : eval::Quantities()) {
-      Json& list = agents[i]["published"][std::string(quantity.key)] = Json::array();
-      for (const Published& one : FindPublished(content.plan, score.name, row.name, quantity)) {
-        list.push_back(
-            {{"source", one.source}, {"value", one.value}, {"deviation", JsonOf(one.deviation)}});
-      }
-    }
+                      {"published", std::move(published)}});
   }
 }
 
@@ -153,26 +149,13 @@ Json ScoreJson(const ReportContent& content, const ScoreContent& score) {
   return json;
 }
 
-Json FailuresJson(const ReportContent& content) {
-  Json failures = Json::array();
-  for (std::size_t c = 0; c < content.results.statuses.size(); ++c) {
-    const CellStatus& status = content.results.statuses[c];
-    if (status.state != CellState::kFailed || !status.failure) continue;
-    failures.push_back({{"cell", content.cells.cells[c].name()},
-                        {"id", content.cells.cells[c].id},
-                        {"what", status.failure->what},
-                        {"log", status.failure->log}});
-  }
-  return failures;
-}
-
 }  // namespace
 
 std::string CellCsv(const ReportContent& content) {
-  std::string text = "id,group," + LabelHead(content.cells) + ",seed,score,snapshot_steps,state";
-  text += ",courses,episodes";
-  for (const eval::Quantity* quantity : Means()) text += "," + std::string(quantity->key);
-  text += ",steps,updates,imagined,training_s,host,at_once,commit\n";
+  std::string text = fmt::format(
+      "id,group,{},seed,score,snapshot_steps,state,{},steps,updates,imagined,training_s,host,"
+      "at_once,commit\n",
+      LabelHead(content.cells), LineOf(ResultFields(nullptr, true)));
   const Evaluations evaluations = EvaluationsOf(content.results);
   for (const Row& row : content.results.rows) {
     for (const std::size_t c : row.cells) {
@@ -181,11 +164,11 @@ std::string CellCsv(const ReportContent& content) {
       for (const ScoreTask& task : cell.scores) {
         const auto found = evaluations.find({c, task.name, task.snapshot_steps});
         const eval::Result* result = found == evaluations.end() ? nullptr : found->second;
-        fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{},{},{},{}\n", cell.id,
-                       CsvField(cell.group), LabelFields(row, content.cells), cell.seed,
-                       CsvField(task.name), StepsField(task.snapshot_steps),
-                       result ? "done" : ToString(status.state), ResultFields(result),
-                       TrainingFields(status.trained));
+        text +=
+            fmt::format("{},{},{},{},{},{},{},{},{}\n", cell.id, eval::CsvField(cell.group),
+                        LabelFields(row, content.cells), cell.seed, eval::CsvField(task.name),
+                        StepsField(task.snapshot_steps), result ? "done" : ToString(status.state),
+                        LineOf(ResultFields(result)), LineOf(TrainingFields(status.trained)));
       }
     }
   }
@@ -196,26 +179,42 @@ std::string RowCsv(const ReportContent& content) {
   std::string text = fmt::format("{},score,snapshot_steps,{},steps,updates,imagined,training_s\n",
                                  LabelHead(content.cells), eval::FiguresCsvHead());
   for (const ScoreContent& score : content.scores) {
-    for (std::size_t i = 0; i < score.rows.size(); ++i) {
-      text += RowLine(content, score, score.rows[i], 0, score.group.agents[i], score.trainings[i]);
-    }
-    for (const Snapshot& snapshot : score.snapshots) {
-      if (snapshot.steps == 0) continue;
-      text +=
-          RowLine(content, score, snapshot.row, snapshot.steps, snapshot.agent, snapshot.training);
+    const auto add = [&](const AgentRow& row, const eval::AgentFigures& agent) {
+      const TrainingFigures& training = row.training;
+      text += fmt::format(
+          "{},{},{},{},{},{},{},{}\n", LabelFields(content.results.rows[row.row], content.cells),
+          eval::CsvField(score.name), StepsField(row.steps), eval::FiguresCsvFields(agent),
+          Field(training.steps), Field(training.updates), Field(training.imagined),
+          Field(training.training_s));
+    };
+    for (std::size_t i = 0; i < score.rows.size(); ++i) add(score.rows[i], score.group.agents[i]);
+    for (std::size_t i = 0; i < score.snapshots.size(); ++i) {
+      if (score.snapshot_rows[i].steps > 0) add(score.snapshot_rows[i], score.snapshots[i]);
     }
   }
   return text;
 }
 
 std::string SweepPage(const ReportContent& content) {
-  Json data = {{"title", content.title},           {"provenance", content.provenance},
-               {"warnings", content.warnings},     {"axes", content.cells.axis_names},
-               {"scores", Json::array()},          {"quantities", eval::QuantitiesJson()},
-               {"missing", Json::array()},         {"thresholds", eval::ProfileThresholds()},
-               {"failures", FailuresJson(content)}};
+  Json data = {{"title", content.title},
+               {"provenance", content.provenance},
+               {"warnings", content.warnings},
+               {"axes", content.cells.axis_names},
+               {"scores", Json::array()},
+               {"quantities", eval::QuantitiesJson()},
+               {"missing", Json::array()},
+               {"failures", Json::array()},
+               {"thresholds", eval::ProfileThresholds()}};
   for (const ScoreContent& score : content.scores) {
     data["scores"].push_back(ScoreJson(content, score));
+  }
+  for (std::size_t c = 0; c < content.results.statuses.size(); ++c) {
+    const CellStatus& status = content.results.statuses[c];
+    if (status.state != CellState::kFailed || !status.failure) continue;
+    data["failures"].push_back({{"cell", content.cells.cells[c].name()},
+                                {"id", content.cells.cells[c].id},
+                                {"what", status.failure->what},
+                                {"log", status.failure->log}});
   }
   for (const MissingScore& missing : content.results.missing) {
     data["missing"].push_back(Describe(missing, content.cells));

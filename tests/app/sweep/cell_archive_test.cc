@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "app/sweep/store.h"
-#include "app/sweep/xz.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/app/sweep/fake_sweep.h"

@@ -71,9 +71,7 @@ class ServiceCell {
     pieces.try_emplace("learner", fmt::format("meet; finish {}", kMaxSteps));
     for (const char* role : {"replay", "actor"}) pieces.try_emplace(role, "join; rest");
     std::string cases;
-    for (const auto& [role, piece] : pieces) {
-      cases += fmt::format("{}) {} ;;\n", role, piece);
-    }
+    for (const auto& [role, piece] : pieces) cases += fmt::format("{}) {} ;;\n", role, piece);
     base::WriteFileAtomically(
         options_.program,
         fmt::format("#!/bin/sh\nD={}\nSTATE={}\nRUN={}\n"

@@ -4,7 +4,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <memory>
@@ -52,9 +51,7 @@ TEST(ClaimTest, OfManyAtOnceOneGetsIt) {
     std::vector<std::unique_ptr<Claim>> claims(8);
     {
       std::vector<std::jthread> threads;
-      for (auto& claim : claims) {
-        threads.emplace_back([&] { claim = ClaimTaker().Try(cell); });
-      }
+      for (auto& claim : claims) threads.emplace_back([&] { claim = ClaimTaker().Try(cell); });
     }
     EXPECT_EQ(std::ranges::count_if(claims, [](const auto& c) { return c != nullptr; }), 1);
   }

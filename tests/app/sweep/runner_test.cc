@@ -2,12 +2,10 @@
 
 #include <gmock/gmock.h>
 
-#include <atomic>
 #include <cerrno>
 #include <filesystem>
 
 #include "app/sweep/store.h"
-#include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/app/sweep/plan_files.h"

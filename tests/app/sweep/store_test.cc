@@ -4,7 +4,6 @@
 
 #include "app/sweep/claim.h"
 #include "app/sweep/estimate.h"
-#include "app/sweep/plan_record.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/app/sweep/plan_files.h"

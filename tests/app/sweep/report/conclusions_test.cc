@@ -1,13 +1,11 @@
-#include "app/sweep/report/conclusions.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
 
-#include "app/sweep/report/cross_tables.h"
-#include "app/sweep/report/page_blocks.h"
+#include "app/sweep/report/report.h"
+#include "app/sweep/report/report_content.h"
 #include "base/error.h"
 #include "tests/app/sweep/fake_sweep.h"
 

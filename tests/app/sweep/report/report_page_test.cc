@@ -2,9 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <utility>
-
-#include "app/sweep/report/report.h"
 #include "base/file.h"
 #include "tests/app/sweep/fake_sweep.h"
 #include "tests/support/browser.h"
