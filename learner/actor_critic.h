@@ -3,8 +3,6 @@
 #include <ATen/core/Tensor.h>
 #include <ATen/ops/zeros_like.h>
 
-#include <span>
-
 #include "learner/algorithm.h"
 #include "learner/critics.h"
 

@@ -4,12 +4,10 @@
 
 #include <cstdint>
 #include <memory>
-#include <string>
 
 #include "base/random.h"
 #include "learner/constraint.h"
 #include "learner/learner_stats.h"
-#include "learner/method.h"
 #include "learner/minibatch.h"
 #include "policy/nn/safetensors.h"
 #include "policy/policy.h"

@@ -2,8 +2,6 @@
 
 #include <ATen/core/Tensor.h>
 
-#include <vector>
-
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"

@@ -26,10 +26,9 @@ namespace {
 
 at::Device ChooseDevice(DeviceChoice choice) {
   const bool has_cuda = torch::cuda::is_available();
-  if (choice == DeviceChoice::kCuda && !has_cuda) {
-    throw base::Error(
-        "learner.device: found \"cuda\", but LibTorch finds no GPU here; use \"auto\" or \"cpu\"");
-  }
+  base::ThrowIf(
+      choice == DeviceChoice::kCuda && !has_cuda,
+      "learner.device: found \"cuda\", but LibTorch finds no GPU here; use \"auto\" or \"cpu\"");
   return at::Device(choice != DeviceChoice::kCpu && has_cuda ? at::kCUDA : at::kCPU);
 }
 
@@ -154,8 +153,8 @@ void Learner::UpdateAlgorithm(double rate) {
     parts_->algorithm->Update(rate);
   } catch (const c10::Error& error) {
     // Such as shapes that do not fit, without LibTorch's list of addresses.
-    throw base::Error(fmt::format("learner.algorithm \"{}\": {}", method_.learner.algorithm,
-                                  error.what_without_backtrace()));
+    throw base::Error("learner.algorithm \"{}\": {}", method_.learner.algorithm,
+                      error.what_without_backtrace());
   }
 }
 
@@ -202,9 +201,7 @@ double Learner::PredictionError(const replay::SampledRows& windows) const {
 
 std::optional<std::string> Learner::FindFault() const {
   const Parts& p = *parts_;
-  if (!IsFinite(p.algorithm->actor_parameters())) {
-    return "the actor's weights are no longer finite";
-  }
+  if (!IsFinite(p.algorithm->actor_parameters())) return "the actor's weights are no longer finite";
   if (!IsFinite(p.algorithm->critic_parameters())) {
     return "the critics' weights are no longer finite";
   }

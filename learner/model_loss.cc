@@ -3,7 +3,6 @@
 #include <ATen/ATen.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/vector_clones.h"
 #include "policy/nn/kernels/layer_ops.h"

@@ -213,8 +213,8 @@ void ModelTrainer::LoadState(const nn::TensorFile& file) {
   std::vector<std::int64_t> elites(elites_.size());
   file.Read("model.elites", std::span(elites));
   if (std::ranges::any_of(elites, [&](auto e) { return e < 0 || e >= shape_.ensemble; })) {
-    throw base::Error(fmt::format("{}: 'model.elites' names members beyond the {} of the ensemble",
-                                  file.source, shape_.ensemble));
+    throw base::Error("{}: 'model.elites' names members beyond the {} of the ensemble", file.source,
+                      shape_.ensemble);
   }
   elites_.assign(elites.begin(), elites.end());
   file.Read("model.bootstrap_seed", std::span(&bootstrap_seed_, 1));

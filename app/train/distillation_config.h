@@ -4,7 +4,7 @@
 
 namespace slalom::train {
 
-/// Who teaches a policy that is distilled (learner/distillation.h): policies from files, or from
+/// Who teaches a policy that is distilled (learner/distillation.cc): policies from files, or from
 /// trainings that come first (app/train/resolved_run.h).
 struct DistillationConfig {
   base::TomlAssignments teachers;

@@ -35,7 +35,7 @@ std::optional<std::int64_t> StepsOf(const fs::path& path) {
 void RemoveAll(const fs::path& path) {
   std::error_code ec;
   fs::remove_all(path, ec);
-  if (ec) throw base::Error(fmt::format("{}: cannot remove ({})", path.string(), ec.message()));
+  if (ec) throw base::Error("{}: cannot remove ({})", path.string(), ec.message());
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "learner/run/fence.h"
 
-#include <fmt/format.h>
 #include <stdlib.h>
 
 #include <utility>
@@ -29,9 +28,9 @@ bool Fence::IsHeld() const {
 
 void Fence::RequireHeld() const {
   if (IsHeld()) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "{}: is gone or another's, so another worker trains here; nothing more is written",
-      file_.string()));
+      file_.string());
 }
 
 }  // namespace slalom::run

@@ -151,10 +151,8 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
   try {
     const auto file = base::ParseJson(base::ReadFile(path));
     const auto& state = file.at("state");
-    if (file.at("checksum").get<std::string>() != StateChecksum(state)) {
-      throw base::Error(
-          fmt::format("{}: its checksum does not match; the checkpoint is damaged", path.string()));
-    }
+    base::ThrowIf(file.at("checksum").get<std::string>() != StateChecksum(state),
+                  "{}: its checksum does not match; the checkpoint is damaged", path.string());
     const auto steps = base::WholeNumber(state.at("steps"));
     const auto training_s = state.at("training_s").get<double>();
     const auto snapshot_s = state.at("snapshot_s").get<double>();
@@ -167,7 +165,7 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
     last_snapshot_steps_ = snapshot_steps;
     watch_ = LearningWatch(plan_.has_goals, watch);
   } catch (const nlohmann::json::exception&) {
-    throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
+    throw base::Error("{}: damaged, or no state of a checkpoint", path.string());
   }
   last_row_.training_s = training_s();
   last_row_.steps = steps_;

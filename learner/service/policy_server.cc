@@ -1,7 +1,6 @@
 #include "learner/service/policy_server.h"
 
 #include <algorithm>
-#include <string_view>
 #include <utility>
 
 #include "metrics/catalogue.h"
@@ -156,9 +155,7 @@ void PolicyServer::Send(const transport::PeerId& peer, Reader& reader, const Mes
   reader.waits = false;
   // A reader that does not read now asks again later.
   const auto sent = server_.Send(peer, {message.header.Share(), message.payload.Share()});
-  if (sent == transport::Server::Sent::kGone) {
-    readers_.erase(transport::PeerId(peer));
-  }
+  if (sent == transport::Server::Sent::kGone) readers_.erase(transport::PeerId(peer));
 }
 
 void PolicyServer::Refuse(const transport::PeerId& peer, proto::RefusalCode code,
