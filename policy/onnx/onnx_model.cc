@@ -4,18 +4,23 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <span>
+#include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "base/error.h"
+#include "base/version.h"
 #include "env/observation.h"
 #include "policy/nn/encoder_slots.h"
 #include "policy/nn/inference/layers.h"
-#include "policy/onnx/graph_builder.h"
+#include "policy/onnx/onnx.pb.h"
 #include "policy/policy_spec.h"
 
 /// Shapes: `B` batch, `N` beams, `R` ranges and `F` features of a frame, `H` frames of history, `W`
@@ -24,9 +29,146 @@
 namespace slalom::policy {
 namespace {
 
-using onnx::GraphBuilder;
-using onnx::NumberType;
-using onnx::Value;
+/// The types of numbers, by their codes in ONNX's TensorProto.DataType.
+enum class NumberType { kFloat = 1, kUint16 = 4, kBool = 9 };
+
+/// The name of a value that flows through a graph: an input, a constant or the output of a node.
+using Value = std::string;
+
+/// An attribute of a node.
+struct Attribute {
+  const char* name;
+  std::variant<std::int64_t, float, std::vector<std::int64_t>> value;
+};
+
+/// An input or output of the graph. Its first dimension is the batch.
+struct Port {
+  const char* name;
+  NumberType type = NumberType::kFloat;
+  std::vector<std::int64_t> shape;  ///< Without the batch.
+  std::string meaning;              ///< Meaning of the numbers for people, with units.
+};
+
+namespace wire = onnx;
+
+constexpr std::int64_t kIrVersion = 8;
+constexpr std::int64_t kOperatorSet = 17;  // The first with LayerNormalization.
+constexpr int kInt64 = 7;                  // Value of TensorProto.DataType.
+
+static_assert(std::endian::native == std::endian::little, "raw_data is little-endian");
+
+template <class T>
+void FillTensor(const std::string& name, int type, const std::vector<std::int64_t>& shape,
+                std::span<const T> numbers, wire::TensorProto* tensor) {
+  tensor->set_name(name);
+  tensor->set_data_type(type);
+  for (const std::int64_t size : shape) tensor->add_dims(size);
+  tensor->set_raw_data(numbers.data(), numbers.size_bytes());
+}
+
+void FillPort(const Port& port, wire::ValueInfoProto* info) {
+  info->set_name(port.name);
+  info->set_doc_string(port.meaning);
+  wire::TypeProto::Tensor* const tensor = info->mutable_type()->mutable_tensor_type();
+  tensor->set_elem_type(static_cast<int>(port.type));
+  tensor->mutable_shape()->add_dim()->set_dim_param("batch");
+  for (const std::int64_t size : port.shape) {
+    tensor->mutable_shape()->add_dim()->set_dim_value(size);
+  }
+}
+
+void FillAttribute(const Attribute& attribute, wire::AttributeProto* filled) {
+  filled->set_name(attribute.name);
+  if (const auto* integer = std::get_if<std::int64_t>(&attribute.value)) {
+    filled->set_type(wire::AttributeProto::INT);
+    filled->set_i(*integer);
+  } else if (const auto* number = std::get_if<float>(&attribute.value)) {
+    filled->set_type(wire::AttributeProto::FLOAT);
+    filled->set_f(*number);
+  } else {
+    filled->set_type(wire::AttributeProto::INTS);
+    for (const std::int64_t i : std::get<2>(attribute.value)) filled->add_ints(i);
+  }
+}
+
+/// Builds an ONNX model of operator set 17, node by node. Confined to one thread.
+class GraphBuilder {
+ public:
+  Value AddInput(const Port& port) {
+    FillPort(port, graph_.add_input());
+    return Unique(port.name);
+  }
+
+  /// Makes `value` an output of the graph, under the port's name.
+  void AddOutput(const Port& port, const Value& value) {
+    FillPort(port, graph_.add_output());
+    wire::NodeProto* const node = graph_.add_node();
+    node->set_op_type("Identity");
+    node->set_name(Unique("Identity"));
+    node->add_input(value);
+    node->add_output(port.name);
+  }
+
+  /// Constants. The product of `shape` is the number of `numbers`.
+  Value Number(float number) { return Tensor("number", {}, {&number, 1}); }
+
+  Value Tensor(std::string_view name, const std::vector<std::int64_t>& shape,
+               std::span<const float> numbers) {
+    std::string unique = Unique(name);
+    FillTensor(unique, static_cast<int>(NumberType::kFloat), shape, numbers,
+               graph_.add_initializer());
+    return unique;
+  }
+
+  Value Integers(const std::vector<std::int64_t>& numbers) {
+    std::string unique = Unique("integers");
+    FillTensor<std::int64_t>(unique, kInt64, {static_cast<std::int64_t>(numbers.size())}, numbers,
+                             graph_.add_initializer());
+    return unique;
+  }
+
+  /// Adds a node with one output, and returns that.
+  Value Add(const char* operation, const std::vector<Value>& inputs,
+            const std::vector<Attribute>& attributes = {}) {
+    std::string unique = Unique(operation);
+    wire::NodeProto* const node = graph_.add_node();
+    node->set_op_type(operation);
+    node->set_name(unique);
+    for (const Value& input : inputs) node->add_input(input);
+    node->add_output(unique);
+    for (const Attribute& attribute : attributes) FillAttribute(attribute, node->add_attribute());
+    return unique;
+  }
+
+  /// The model's bytes, with `metadata` beside the graph.
+  std::string Print(std::string_view graph_name,
+                    const std::map<std::string, std::string>& metadata) {
+    proto_.set_ir_version(kIrVersion);
+    proto_.set_producer_name("slalom");
+    proto_.set_producer_version(std::string(base::Version()));
+    proto_.add_opset_import()->set_version(kOperatorSet);
+    graph_.set_name(std::string(graph_name));
+    for (const auto& [key, value] : metadata) {
+      wire::StringStringEntryProto* const entry = proto_.add_metadata_props();
+      entry->set_key(key);
+      entry->set_value(value);
+    }
+    return proto_.SerializeAsString();
+  }
+
+ private:
+  /// NAME, NAME_1, NAME_2, ...: each value of a graph has a name of its own.
+  std::string Unique(std::string_view name) {
+    int& count = num_named_.try_emplace(std::string(name), 0).first->second;
+    const int i = count++;
+    return i == 0 ? std::string(name) : fmt::format("{}_{}", name, i);
+  }
+
+  wire::ModelProto proto_;
+  wire::GraphProto& graph_ = *proto_.mutable_graph();
+  std::map<std::string, int, std::less<>> num_named_;
+};
+
 using Integers = std::vector<std::int64_t>;
 
 constexpr std::int64_t kEnd = std::numeric_limits<std::int64_t>::max();  // End of an axis.
@@ -178,11 +320,11 @@ class ModelPrinter {
   Value History(const Value& frame) {
     Value newest = graph_.Add("Unsqueeze", {frame, graph_.Integers({1})});
     if (history_ == 1) return newest;
-    const onnx::Port frames = {"frames",
-                               NumberType::kFloat,
-                               {history_, frame_size_},
-                               "the frames_after of the step before, the newest last; any where "
-                               "first is true"};
+    const Port frames = {"frames",
+                         NumberType::kFloat,
+                         {history_, frame_size_},
+                         "the frames_after of the step before, the newest last; any where "
+                         "first is true"};
     const Value before = graph_.AddInput(frames);
     const Value first =
         graph_.AddInput({"first",
@@ -386,11 +528,10 @@ class ModelPrinter {
 }  // namespace
 
 std::string PrintOnnx(const PolicySnapshot& snapshot, const nn::Metadata& metadata) {
-  if (snapshot.spec.network.dropout_everywhere) {
-    throw base::Error(
-        "network.dropout_everywhere is true, expected false: the policy drops units at random when "
-        "it acts, which an ONNX model cannot do as it does");
-  }
+  base::ThrowIf(
+      snapshot.spec.network.dropout_everywhere,
+      "network.dropout_everywhere is true, expected false: the policy drops units at random when "
+      "it acts, which an ONNX model cannot do as it does");
   snapshot.spec.RequireCourses("an ONNX model");
   nn::Metadata all = metadata;
   all["slalom_policy"] = PrintSpec(snapshot.spec, snapshot.version);
