@@ -3,20 +3,185 @@
 #include <fmt/format.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <google/protobuf/message.h>
 #include <google/protobuf/stubs/logging.h>
 
+#include <algorithm>
 #include <bit>
+#include <cstddef>
 #include <cstring>
+#include <limits>
 #include <memory>
+#include <string>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 
 #include "base/check.h"
 #include "base/file.h"
 #include "proto/bounds.h"
-#include "proto/conversion.h"
+#include "proto/slalom.pb.h"
 
 namespace slalom::proto {
 namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
+
+template <class T>
+concept IsStruct = requires(T& m) {
+  T::Fields(m);
+};
+template <class T>
+concept IsMap = requires {
+  typename T::mapped_type;
+};
+template <class T>
+concept IsList = IsStruct<typename T::value_type>;
+
+/// How a number is read and written: of an int and an enum as uint32.
+template <class T>
+constexpr auto kAccess = std::pair(&Reflection::GetUInt32, &Reflection::SetUInt32);
+template <>
+constexpr auto kAccess<std::uint64_t> = std::pair(&Reflection::GetUInt64, &Reflection::SetUInt64);
+template <>
+constexpr auto kAccess<std::int64_t> = std::pair(&Reflection::GetInt64, &Reflection::SetInt64);
+template <>
+constexpr auto kAccess<double> = std::pair(&Reflection::GetDouble, &Reflection::SetDouble);
+template <>
+constexpr auto kAccess<bool> = std::pair(&Reflection::GetBool, &Reflection::SetBool);
+
+/// Calls `visit` with each member of a message's struct and the field that it mirrors.
+template <class Struct, class Visitor>
+void VisitFields(Struct& m, const Descriptor& type, const Visitor& visit) {
+  std::apply(
+      [&](auto&... members) {
+        SLALOM_CHECK_EQ(sizeof...(members), static_cast<std::size_t>(type.field_count()));
+        int i = 0;
+        (visit(members, type.field(i++)), ...);
+      },
+      std::remove_const_t<Struct>::Fields(m));
+}
+
+template <class Struct>
+void WriteFields(const Struct& m, Message* to);
+
+template <class T>
+void Write(const T& value, const FieldDescriptor* field, Message* to) {
+  const Reflection& fields = *to->GetReflection();
+  if constexpr (IsStruct<T>) {
+    WriteFields(value, fields.MutableMessage(to, field));
+  } else if constexpr (IsMap<T>) {
+    for (const auto& [key, mapped] : value) {
+      Message* const entry = fields.AddMessage(to, field);
+      Write(key, field->message_type()->map_key(), entry);
+      Write(mapped, field->message_type()->map_value(), entry);
+    }
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    fields.SetString(to, field, IsName(*field) ? value : FitText(value));
+  } else if constexpr (IsList<T>) {
+    for (const auto& entry : value) WriteFields(entry, fields.AddMessage(to, field));
+  } else if constexpr (std::is_enum_v<T>) {
+    Write(static_cast<int>(value), field, to);
+  } else {
+    (fields.*kAccess<T>.second)(to, field, value);
+  }
+}
+
+template <class Struct>
+void WriteFields(const Struct& m, Message* to) {
+  VisitFields(m, *to->GetDescriptor(),
+              [to](const auto& member, const FieldDescriptor* field) { Write(member, field, to); });
+}
+
+template <class Struct>
+void ReadFields(const Message& from, Struct* m);
+
+template <class T>
+void Read(const Message& from, const FieldDescriptor* field, T* value) {
+  const Reflection& fields = *from.GetReflection();
+  if constexpr (IsStruct<T>) {
+    ReadFields(fields.GetMessage(from, field), value);
+  } else if constexpr (IsMap<T>) {
+    for (int i = 0; i < fields.FieldSize(from, field); ++i) {
+      const Message& entry = fields.GetRepeatedMessage(from, field, i);
+      std::string key;
+      Read(entry, field->message_type()->map_key(), &key);
+      Read(entry, field->message_type()->map_value(), &(*value)[std::move(key)]);
+    }
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    *value = fields.GetString(from, field);
+  } else if constexpr (IsList<T>) {
+    value->reserve(static_cast<std::size_t>(fields.FieldSize(from, field)));
+    for (int i = 0; i < fields.FieldSize(from, field); ++i) {
+      ReadFields(fields.GetRepeatedMessage(from, field, i), &value->emplace_back());
+    }
+  } else {
+    const auto found = (fields.*kAccess<T>.first)(from, field);
+    if constexpr (std::is_same_v<T, int>) {  // One without a bound may not fit.
+      *value = static_cast<int>(std::min(found, std::uint32_t{std::numeric_limits<int>::max()}));
+    } else {
+      *value = static_cast<T>(found);
+    }
+  }
+}
+
+template <class Struct>
+void ReadFields(const Message& from, Struct* m) {
+  VisitFields(*m, *from.GetDescriptor(),
+              [&from](auto& member, const FieldDescriptor* field) { Read(from, field, &member); });
+}
+
+/// Moves roles for which there is no room to the count of those.
+void MakeFit(wire::StatusReply* status) {
+  // Besides its own bytes, a role takes a tag and a length, and so does `omitted`.
+  constexpr std::size_t kMargin = 8;
+  std::size_t size = kMargin;
+  int count = 0;
+  auto& roles = *status->mutable_roles();
+  const auto end = std::remove_if(roles.begin(), roles.end(), [&](const wire::RoleStatus& role) {
+    const std::size_t added = role.ByteSizeLong() + kMargin;
+    if (count >= kMaxRoles || size + added > kMaxHeaderBytes) return true;
+    size += added;
+    ++count;
+    return false;
+  });
+  status->set_omitted(status->omitted() + static_cast<std::uint32_t>(roles.end() - end));
+  roles.erase(end, roles.end());
+}
+
+template <std::size_t... kIndex>
+Header EmptyHeader(std::size_t index, std::index_sequence<kIndex...>) {
+  Header header;
+  (void)((index == kIndex && (header.emplace<kIndex>(), true)) || ...);
+  return header;
+}
+
+/// The empty message of the type at `index` in the list of `Header`, as proto/slalom.proto has it.
+/// Requires: index < std::variant_size_v<Header>.
+const Message& EmptyMessage(std::size_t index) {
+  const auto* const file = wire::Hello::descriptor()->file();
+  return *google::protobuf::MessageFactory::generated_factory()->GetPrototype(
+      file->message_type(static_cast<int>(index)));
+}
+
+/// The message that a header mirrors. Texts and the lists of a status are made to fit, as `Encode`
+/// describes.
+std::unique_ptr<Message> ToMessage(const Header& header) {
+  std::unique_ptr<Message> message(EmptyMessage(header.index()).New());
+  std::visit([&](const auto& m) { WriteFields(m, message.get()); }, header);
+  if (auto* const status = dynamic_cast<wire::StatusReply*>(message.get())) MakeFit(status);
+  return message;
+}
+
+/// The header that mirrors a message within its bounds, of the type at `index`.
+Header ToHeader(std::size_t index, const Message& message) {
+  Header header = EmptyHeader(index, std::make_index_sequence<std::variant_size_v<Header>>());
+  std::visit([&](auto& m) { ReadFields(message, &m); }, header);
+  return header;
+}
 
 static_assert(std::endian::native == std::endian::little, "the prefix is little-endian");
 

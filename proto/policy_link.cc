@@ -78,8 +78,8 @@ bool PolicyLink::Take(const proto::Header& header, std::span<const std::byte> pa
       }
       return false;
     }
-    throw base::Error(fmt::format("the learner at {} refuses this process: {} ({})", endpoint_,
-                                  refusal->text, proto::ToString(refusal->code)));
+    throw base::Error("the learner at {} refuses this process: {} ({})", endpoint_, refusal->text,
+                      proto::ToString(refusal->code));
   }
   const auto* snapshot = std::get_if<proto::Snapshot>(&header);
   if (snapshot == nullptr) return false;

@@ -26,45 +26,32 @@ struct RefusalDescription {
   std::string_view meaning;
 };
 
-/// The only list of codes, which the compiler keeps complete. "other" stands for the codes of a
-/// newer minor version.
+/// The descriptions of the codes, in the order of their numbers, which count from 1.
+inline constexpr auto kRefusals = std::to_array<RefusalDescription>({
+    {"bad_message", "cut short, damaged, or a value out of bounds"},
+    {"wrong_version", "another major version of the protocol"},
+    {"unknown_message", "of a newer minor version"},
+    {"not_allowed", "the sender's role may not send it"},
+    {"wrong_spec", "the run, observations or actions are not those of this service"},
+    {"no_session", "insert before hello, or of a session that is not open: say hello"},
+    {"out_of_order", "a chunk is missing before this one: say hello"},
+    {"over_window", "more unacknowledged payload than the window"},
+    {"too_fast", "more messages than the rate bound"},
+    {"not_ready", "not now"},
+    {"replaced", "hello of a session that a newer one replaced, whose number is `about`"},
+});
+static_assert(kRefusals.size() == static_cast<std::size_t>(RefusalCode::kReplaced));
+
+/// "other" stands for the codes of a newer minor version.
 constexpr RefusalDescription Describe(RefusalCode code) {
-  switch (code) {
-    case RefusalCode::kBadMessage:
-      return {"bad_message", "cut short, damaged, or a value out of bounds"};
-    case RefusalCode::kWrongVersion:
-      return {"wrong_version", "another major version of the protocol"};
-    case RefusalCode::kUnknownMessage:
-      return {"unknown_message", "of a newer minor version"};
-    case RefusalCode::kNotAllowed:
-      return {"not_allowed", "the sender's role may not send it"};
-    case RefusalCode::kWrongSpec:
-      return {"wrong_spec", "the run, observations or actions are not those of this service"};
-    case RefusalCode::kNoSession:
-      return {"no_session", "insert before hello, or of a session that is not open: say hello"};
-    case RefusalCode::kOutOfOrder:
-      return {"out_of_order", "a chunk is missing before this one: say hello"};
-    case RefusalCode::kOverWindow:
-      return {"over_window", "more unacknowledged payload than the window"};
-    case RefusalCode::kTooFast:
-      return {"too_fast", "more messages than the rate bound"};
-    case RefusalCode::kNotReady:
-      return {"not_ready", "not now"};
-    case RefusalCode::kReplaced:
-      return {"replaced", "hello of a session that a newer one replaced, whose number is `about`"};
-  }
-  return {"other", ""};
+  const auto place = static_cast<std::size_t>(code) - 1;
+  return place < kRefusals.size() ? kRefusals[place] : RefusalDescription{"other", ""};
 }
 constexpr std::string_view ToString(RefusalCode code) { return Describe(code).name; }
 
-/// All codes, in the order of their numbers, which are consecutive: an array that `Describe` fills.
+/// All codes, in the order of their numbers.
 inline constexpr auto kRefusalCodes = [] {
-  constexpr std::uint32_t kEnd = [] {
-    std::uint32_t number = 1;
-    while (ToString(static_cast<RefusalCode>(number)) != "other") ++number;
-    return number;
-  }();
-  std::array<RefusalCode, kEnd - 1> codes{};
+  std::array<RefusalCode, kRefusals.size()> codes{};
   for (std::uint32_t i = 0; i < codes.size(); ++i) codes[i] = static_cast<RefusalCode>(i + 1);
   return codes;
 }();

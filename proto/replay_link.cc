@@ -65,8 +65,8 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
   if (const auto* refusal = std::get_if<proto::Refusal>(&*header)) {
     const bool is_replaced = refusal->code == proto::RefusalCode::kReplaced;
     if (IsForGood(refusal->code) || (is_replaced && hello_.role != "actor")) {
-      throw base::Error(fmt::format("the replay server at {} refuses this process: {} ({})",
-                                    endpoint_, refusal->text, proto::ToString(refusal->code)));
+      throw base::Error("the replay server at {} refuses this process: {} ({})", endpoint_,
+                        refusal->text, proto::ToString(refusal->code));
     }
     if (!is_replaced) {
       if (!welcomed_) {

@@ -1,10 +1,7 @@
 #include "proto/transport/client.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <random>
 #include <utility>
 #include <vector>
@@ -71,8 +68,8 @@ void Client::Open() {
     socket_.set(zmq::sockopt::curve_serverkey, options_.security.server_key);
   }
   if (zmq_connect(socket_.handle(), options_.endpoint.c_str()) != 0) {
-    throw base::Error(fmt::format("{}: cannot connect ({}); expected tcp://HOST:PORT",
-                                  options_.endpoint, zmq_strerror(zmq_errno())));
+    throw base::Error("{}: cannot connect ({}); expected tcp://HOST:PORT", options_.endpoint,
+                      zmq_strerror(zmq_errno()));
   }
   retry_at_.reset();
   connected_ = is_inproc;

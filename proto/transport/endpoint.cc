@@ -1,7 +1,5 @@
 #include "proto/transport/endpoint.h"
 
-#include <fmt/format.h>
-
 #include <charconv>
 #include <string_view>
 
@@ -47,9 +45,8 @@ void CheckEndpoint(const std::string& endpoint) {
              (endpoint.starts_with(kIpc) && endpoint.size() > kIpc.size())) {
     return;
   }
-  throw base::Error(
-      fmt::format("'{}' is not an endpoint; expected tcp://HOST:PORT with a port of 0 to {}",
-                  endpoint, kMaxPort));
+  throw base::Error("'{}' is not an endpoint; expected tcp://HOST:PORT with a port of 0 to {}",
+                    endpoint, kMaxPort);
 }
 
 bool IsTcp(const std::string& endpoint) { return endpoint.starts_with(kTcp); }

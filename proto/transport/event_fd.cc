@@ -1,6 +1,5 @@
 #include "proto/transport/event_fd.h"
 
-#include <fmt/format.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -13,7 +12,7 @@
 namespace slalom::transport {
 
 EventFd::EventFd() : fd_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (fd_ < 0) throw base::Error(fmt::format("cannot make an eventfd ({})", std::strerror(errno)));
+  if (fd_ < 0) throw base::Error("cannot make an eventfd ({})", std::strerror(errno));
 }
 
 EventFd::~EventFd() { close(fd_); }

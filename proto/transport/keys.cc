@@ -13,7 +13,6 @@
 #include <cstring>
 #include <sstream>
 #include <system_error>
-#include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -61,10 +60,9 @@ std::string ReadKey(const fs::path& path) {
   const std::string_view key = WithoutSpaces(content);
   if (!IsKey(key)) {
     throw base::Error(
-        fmt::format("{}: holds {} characters that are not a key; expected one line with one key of "
-                    "40 characters "
-                    "(Z85), as `slalom keys new DIR` writes it",
-                    path.string(), key.size()));
+        "{}: holds {} characters that are not a key; expected one line with one key of 40 "
+        "characters (Z85), as `slalom keys new DIR` writes it",
+        path.string(), key.size());
   }
   return std::string(key);
 }
@@ -78,9 +76,7 @@ std::string PublicOf(const std::string& secret_key) {
 /// Creates a file that has its mode from the first moment. Throws if it exists.
 void WriteNewFile(const fs::path& path, std::string_view content, mode_t mode) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-  if (fd < 0) {
-    throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
-  }
+  if (fd < 0) throw base::Error("{}: cannot create ({})", path.string(), std::strerror(errno));
   // The umask may have taken bits away.
   const bool written =
       ::fchmod(fd, mode) == 0 &&
@@ -90,7 +86,7 @@ void WriteNewFile(const fs::path& path, std::string_view content, mode_t mode) {
   ::close(fd);
   if (written) return;
   ::unlink(path.c_str());
-  throw base::Error(fmt::format("{}: cannot write ({})", path.string(), std::strerror(error)));
+  throw base::Error("{}: cannot write ({})", path.string(), std::strerror(error));
 }
 
 struct NewFile {
@@ -120,16 +116,16 @@ void AddAllowed(std::string_view line, const std::string& place, AllowList& list
   const std::string_view name = line.substr(0, space);
   const auto role = ParseRole(name);
   if (!role) {
-    throw base::Error(fmt::format("{}: '{}' is not a role; expected one of {}", place, name,
-                                  fmt::join(kRoleNames, ", ")));
+    throw base::Error("{}: '{}' is not a role; expected one of {}", place, name,
+                      fmt::join(kRoleNames, ", "));
   }
   const std::string_view rest =
       space == std::string_view::npos ? "" : WithoutSpaces(line.substr(space));
   const std::string key(rest.substr(0, rest.find_first_of(" \t")));
   if (!IsKey(key)) {
-    throw base::Error(fmt::format(
+    throw base::Error(
         "{}: '{}' is not a key; expected a role and a public key of 40 characters (Z85)", place,
-        key));
+        key);
   }
   Allowed allowed(*role);
   std::istringstream words{std::string(rest.substr(key.size()))};
@@ -137,18 +133,18 @@ void AddAllowed(std::string_view line, const std::string& place, AllowList& list
     const std::string_view plain =
         std::string_view(word).substr(0, word.size() - word.ends_with('*'));
     if (word != "*" && !base::IsName(plain)) {
-      throw base::Error(fmt::format(
+      throw base::Error(
           "{}: '{}' names no process; expected letters, digits and '-_.:@', and at most a '*' at "
           "the end",
-          place, word));
+          place, word);
     }
     allowed.names += (allowed.names.empty() ? "" : " ") + word;
   }
   const auto [other, added] = list.emplace(key, allowed);
   if (!added && other->second != allowed) {
-    throw base::Error(fmt::format(
-        "{}: this key has the role {} already{}; expected one line for each key", place,
-        ToString(other->second.role), other->second.role == *role ? ", with other names" : ""));
+    throw base::Error("{}: this key has the role {} already{}; expected one line for each key",
+                      place, ToString(other->second.role),
+                      other->second.role == *role ? ", with other names" : "");
   }
 }
 
@@ -223,17 +219,16 @@ void WriteNewKeys(const fs::path& directory) {
   for (const NewFile& file : files) {
     std::error_code ignored;
     if (fs::exists(fs::symlink_status(file.path, ignored))) {
-      throw base::Error(fmt::format(
+      throw base::Error(
           "{}: exists already; expected a directory without keys, because new keys would replace "
           "those in use",
-          file.path.string()));
+          file.path.string());
     }
   }
   const bool is_new = !base::Exists(directory);
   base::MakeDirectories(directory);
   if (is_new && ::chmod(directory.c_str(), 0700) != 0) {
-    throw base::Error(
-        fmt::format("{}: cannot be made private ({})", directory.string(), std::strerror(errno)));
+    throw base::Error("{}: cannot be made private ({})", directory.string(), std::strerror(errno));
   }
   std::size_t num_written = 0;
   try {
@@ -254,10 +249,10 @@ KeyPair LoadKeyPair(const fs::path& directory, Role role) {
   keys.secret_key = ReadKey(path);
   struct stat status {};
   if (::stat(path.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    throw base::Error(fmt::format(
-        "{}: is a secret key that other users can open (mode {:04o}); expected mode 0600: "
-        "chmod 600 {}",
-        path.string(), status.st_mode & 07777, path.string()));
+    throw base::Error(
+        "{}: is a secret key that other users can open (mode {:04o}); expected mode 0600: chmod "
+        "600 {}",
+        path.string(), status.st_mode & 07777, path.string());
   }
   keys.public_key = PublicOf(keys.secret_key);
   return keys;
@@ -281,17 +276,16 @@ AllowList LoadAllowList(const fs::path& directory) {
     AddAllowed(line, fmt::format("{}:{}", path.string(), line_number), list);
   }
   if (list.empty()) {
-    throw base::Error(fmt::format(
-        "{}: allows nobody; expected lines with a role and a public key each", path.string()));
+    throw base::Error("{}: allows nobody; expected lines with a role and a public key each",
+                      path.string());
   }
   return list;
 }
 
 KeysReport CheckKeys(const fs::path& directory) {
   if (!fs::is_directory(directory)) {
-    throw base::Error(
-        fmt::format("{}: is not a directory; `slalom keys new {}` makes one with new keys",
-                    directory.string(), directory.string()));
+    throw base::Error("{}: is not a directory; `slalom keys new {}` makes one with new keys",
+                      directory.string(), directory.string());
   }
   KeysReport report;
   std::optional<AllowList> allowed;
@@ -306,8 +300,7 @@ KeysReport CheckKeys(const fs::path& directory) {
                                        kAllowed, allowed->size()));
   }
   if (report.found.empty() && report.faults.empty()) {
-    throw base::Error(
-        fmt::format("{}: holds no keys; `slalom keys new DIR` makes some", directory.string()));
+    throw base::Error("{}: holds no keys; `slalom keys new DIR` makes some", directory.string());
   }
   return report;
 }

@@ -1,8 +1,5 @@
 #include "proto/transport/monitor.h"
 
-#include <fmt/format.h>
-
-#include <array>
 #include <cstddef>
 #include <cstring>
 #include <string>
@@ -21,7 +18,7 @@ Monitor::Monitor(Context& context, zmq::socket_t& socket, int events)
     : socket_(socket), reader_(context.zmq(), zmq::socket_type::pair) {
   const std::string address = "inproc://" + context.NewName("monitor");
   if (zmq_socket_monitor(socket.handle(), address.c_str(), events) != 0) {
-    throw base::Error(fmt::format("cannot watch a socket ({})", zmq_strerror(zmq_errno())));
+    throw base::Error("cannot watch a socket ({})", zmq_strerror(zmq_errno()));
   }
   reader_.set(zmq::sockopt::linger, 0);
   reader_.set(zmq::sockopt::rcvhwm, kMaxEventsHeld);

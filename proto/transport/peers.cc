@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -23,15 +24,8 @@ constexpr std::int64_t kFramingBytes = 256;
 }  // namespace
 
 std::string_view ToString(EndReason reason) {
-  switch (reason) {
-    case EndReason::kHandshakes:
-      return "handshakes";
-    case EndReason::kConnections:
-      return "connections";
-    case EndReason::kBytes:
-      return "bytes";
-  }
-  return "";
+  constexpr std::array<std::string_view, 3> kNames = {"handshakes", "connections", "bytes"};
+  return kNames.at(static_cast<std::size_t>(reason));
 }
 
 Peers::Admission Peers::Admit(const PeerId& peer, int fd, std::int64_t bytes, bool is_operator,

@@ -1,7 +1,5 @@
 #include "proto/transport/security.h"
 
-#include <fmt/format.h>
-
 #include "base/error.h"
 #include "base/log.h"
 #include "proto/transport/endpoint.h"
@@ -15,12 +13,11 @@ bool NeedsKeys(const SecurityConfig& config, const std::string& endpoint) {
   if (IsInproc(endpoint)) return false;
   if (!config.keys.empty()) return true;
   if (IsLocal(endpoint)) return false;
-  if (!config.allow_plaintext) {
-    throw base::Error(fmt::format(
-        "{}: can be reached from other machines, and security.keys is empty; expected a "
-        "directory made by `slalom keys new DIR`, or security.allow_plaintext = true",
-        endpoint));
-  }
+  base::ThrowIf(
+      !config.allow_plaintext,
+      "{}: can be reached from other machines, and security.keys is empty; expected a directory "
+      "made by `slalom keys new DIR`, or security.allow_plaintext = true",
+      endpoint);
   spdlog::warn(
       "{}: connections are in plaintext, because security.allow_plaintext is set: anybody who can "
       "reach this port can read and write everything",

@@ -3,7 +3,6 @@
 #include <optional>
 #include <string>
 
-#include "base/config_field.h"
 #include "proto/transport/keys.h"
 
 namespace slalom::transport {

@@ -1,7 +1,5 @@
 #include "proto/transport/server.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -18,6 +16,49 @@
 #include "proto/transport/endpoint.h"
 
 namespace slalom::transport {
+namespace {
+
+constexpr std::size_t kSmall = 1024;
+
+/// A part on its way: ZeroMQ reads its bytes, and destroys this once it needs them no more.
+struct Underway {
+  zmq::message_t part;
+  std::shared_ptr<std::atomic<std::int64_t>> counter;
+};
+
+void Sent(void*, void* underway) {
+  const std::unique_ptr<Underway> sent(static_cast<Underway*>(underway));
+  sent->counter->fetch_sub(static_cast<std::int64_t>(sent->part.size()));
+}
+
+}  // namespace
+
+std::int64_t QueuedBytes::Counted(const zmq::message_t& part) {
+  return part.size() > kSmall ? static_cast<std::int64_t>(part.size()) : 0;
+}
+
+std::int64_t QueuedBytes::Of(const PeerId& peer) const {
+  const auto found = peers_.find(peer);
+  return found == peers_.end() ? 0 : found->second->load();
+}
+
+void QueuedBytes::Count(const PeerId& peer, zmq::message_t& part) {
+  const std::int64_t size = Counted(part);
+  if (size == 0) return;
+  if (peers_.size() >= sweep_at_) {
+    std::erase_if(peers_, [](const auto& entry) { return entry.second->load() == 0; });
+    sweep_at_ = std::max<std::size_t>(64, 2 * peers_.size());
+  }
+  std::shared_ptr<Counter>& counter = peers_[peer];
+  if (!counter) counter = std::make_shared<Counter>(0);
+  counter->fetch_add(size);
+  auto underway = std::make_unique<Underway>();
+  underway->part.swap(part);
+  underway->counter = counter;
+  void* const bytes = underway->part.data();
+  part.rebuild(bytes, static_cast<std::size_t>(size), Sent, underway.release());
+}
+
 namespace {
 
 using std::chrono::milliseconds;
@@ -70,12 +111,11 @@ std::string_view UserOf(zmq::message_t& part) {
 }  // namespace
 
 Places PlacesWithin(int descriptors, const ServerOptions& options) {
-  if (descriptors < kFewestDescriptors) {
-    throw base::Error(fmt::format(
-        "{}: cannot listen: found a limit of {} files and connections for this process; expected "
-        "{} at least (`ulimit -Hn`, LimitNOFILE=)",
-        options.endpoint, descriptors, kFewestDescriptors));
-  }
+  base::ThrowIf(
+      descriptors < kFewestDescriptors,
+      "{}: cannot listen: found a limit of {} files and connections for this process; expected "
+      "{} at least (`ulimit -Hn`, LimitNOFILE=)",
+      options.endpoint, descriptors, kFewestDescriptors);
   const int shared = descriptors - kReservedDescriptors - kOperators;
   Places places;
   places.connections = std::min(options.max_connections, shared / 2);
@@ -127,10 +167,9 @@ Server::Server(Context& context, const ServerOptions& options)
     const int error = zmq_errno();
     context_.Forget(domain_);
     throw base::Error(
-        fmt::format("{}: cannot listen ({}); expected tcp://ADDRESS:PORT with an address of this "
-                    "machine and a free "
-                    "port",
-                    options.endpoint, zmq_strerror(error)));
+        "{}: cannot listen ({}); expected tcp://ADDRESS:PORT with an address of this machine and a "
+        "free port",
+        options.endpoint, zmq_strerror(error));
   }
   endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
 }
