@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -59,23 +58,6 @@ class ServerMetrics {
 
   metrics::Registry& registry_;
   const ReplayServerSpec& spec_;
-  metrics::Counter steps_accepted_, chunks_accepted_, chunks_duplicate_, steps_duplicate_;
-  metrics::Counter sessions_started_, reconnections_, episodes_cut_;
-  metrics::Counter batches_, samples_, priorities_updated_, priorities_stale_;
-  metrics::Counter malformed_, rejected_connections_;
-  metrics::Counter blocked_inserts_, blocked_samples_, blocked_journal_;
-  metrics::Counter journal_written_, journal_errors_;
-  metrics::Gauge table_rows_, table_steps_, table_capacity_, table_bytes_;
-  metrics::Gauge samples_per_insert_, samples_per_insert_target_;
-  metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, inserts_limit_;
-  metrics::Gauge journal_bytes_, connections_, connections_limit_;
-  metrics::Gauge disk_bytes_, disk_segments_, sync_timestamp_, failing_;
-  metrics::Gauge recovered_steps_, damaged_steps_, unsynced_steps_, sessions_;
-  metrics::Histogram insert_seconds_, sample_seconds_, sync_seconds_;
-  std::map<std::string_view, metrics::Gauge> peers_;
-  std::map<transport::EndReason, metrics::Counter> connections_ended_;
-  std::array<metrics::Counter, InsertDesk::Counts::kReasons> chunks_rejected_, steps_rejected_,
-      refusals_;
   std::vector<metrics::Counter> messages_;
 
   Time shown_;
