@@ -37,14 +37,7 @@ Json Packed(const std::vector<double>& numbers, double resolution) {
 }
 
 char Letter(env::Outcome outcome) {
-  switch (outcome) {
-    case env::Outcome::kSuccess:
-      return 'S';
-    case env::Outcome::kCollision:
-      return 'C';
-    default:
-      return 'T';
-  }
+  return outcome == env::Outcome::kSuccess ? 'S' : outcome == env::Outcome::kCollision ? 'C' : 'T';
 }
 
 // ---- Courses
