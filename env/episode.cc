@@ -1,23 +1,13 @@
 #include "env/episode.h"
 
-#include "base/check.h"
+#include <array>
 
 namespace slalom::env {
 
 std::string_view ToString(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::kRunning:
-      return "running";
-    case Outcome::kSuccess:
-      return "success";
-    case Outcome::kCollision:
-      return "collision";
-    case Outcome::kTimeout:
-      return "timeout";
-    case Outcome::kTerminated:
-      return "terminated";
-  }
-  base::CheckFailed(__FILE__, __LINE__, "unknown outcome");
+  constexpr std::array<std::string_view, 5> kNames = {"running", "success", "collision", "timeout",
+                                                      "terminated"};
+  return kNames.at(static_cast<std::size_t>(outcome));
 }
 
 }  // namespace slalom::env

@@ -7,6 +7,7 @@
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
 
+#include <array>
 #include <map>
 #include <optional>
 #include <utility>
@@ -41,15 +42,8 @@ auto& FamilyOf(Builder builder, const Spec& spec, const prometheus::Labels& labe
 }  // namespace
 
 std::string_view ToString(Type type) {
-  switch (type) {
-    case Type::kCounter:
-      return "counter";
-    case Type::kGauge:
-      return "gauge";
-    case Type::kHistogram:
-      return "histogram";
-  }
-  return "";
+  constexpr std::array<std::string_view, 3> kNames = {"counter", "gauge", "histogram"};
+  return kNames.at(static_cast<std::size_t>(type));
 }
 
 void Counter::Increment(double by) {

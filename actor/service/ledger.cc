@@ -1,12 +1,12 @@
 #include "actor/service/ledger.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
@@ -48,15 +48,8 @@ bool IsSound(const Entries& entries) {
 }  // namespace
 
 std::string_view ToString(LossReason reason) {
-  switch (reason) {
-    case LossReason::kKilled:
-      return "killed";
-    case LossReason::kReplaced:
-      return "replaced";
-    case LossReason::kServer:
-      return "server";
-  }
-  return "";
+  constexpr std::array<std::string_view, 3> kNames = {"killed", "replaced", "server"};
+  return kNames.at(static_cast<std::size_t>(reason));
 }
 
 /// Two copies, one of which is valid. A change of more than one field is written to the other copy,
@@ -79,7 +72,7 @@ Ledger::Ledger(const std::filesystem::path& path)
   const auto fail = [&](std::string_view what) {
     const std::string reason = std::strerror(errno);
     if (fd >= 0) ::close(fd);
-    return base::Error(fmt::format("{}: {} ({})", path.string(), what, reason));
+    return base::Error("{}: {} ({})", path.string(), what, reason);
   };
   if (fd < 0) throw fail("cannot open the actor's ledger");
   struct stat status {};
@@ -87,8 +80,8 @@ Ledger::Ledger(const std::filesystem::path& path)
   const bool is_new = status.st_size == 0;
   if (!is_new && status.st_size != static_cast<off_t>(sizeof(File))) {
     ::close(fd);
-    throw base::Error(fmt::format("{}: {} bytes, expected an actor's ledger of {}", path.string(),
-                                  status.st_size, sizeof(File)));
+    throw base::Error("{}: {} bytes, expected an actor's ledger of {}", path.string(),
+                      status.st_size, sizeof(File));
   }
   // With the blocks on disk, as a store into a mapped page without one ends the process by SIGBUS.
   if (is_new) {
@@ -106,13 +99,12 @@ Ledger::Ledger(const std::filesystem::path& path)
   }
   if (std::memcmp(file_->magic, kLedgerMagic, sizeof(kLedgerMagic)) != 0) {
     ::munmap(file_, sizeof(File));
-    throw base::Error(fmt::format("{}: not an actor's ledger", path.string()));
+    throw base::Error("{}: not an actor's ledger", path.string());
   }
   if (!IsSound(file_->now())) {
     ::munmap(file_, sizeof(File));
-    throw base::Error(
-        fmt::format("{}: damaged, as its steps do not add up; remove it to begin another account",
-                    path.string()));
+    throw base::Error("{}: damaged, as its steps do not add up; remove it to begin another account",
+                      path.string());
   }
 }
 

@@ -185,15 +185,9 @@ PairedTest ComparePaired(const ScoreTable& first, const ScoreTable& second,
 }
 
 std::string_view ToString(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kDiffers:
-      return "a clear difference";
-    case Verdict::kCouldBeChance:
-      return "could be chance";
-    case Verdict::kTooFewSeeds:
-      return "too few seeds to tell";
-  }
-  return "";
+  constexpr std::array<std::string_view, 3> kNames = {"a clear difference", "could be chance",
+                                                      "too few seeds to tell"};
+  return kNames.at(static_cast<std::size_t>(verdict));
 }
 
 Verdict VerdictOf(const PairedTest& test, double corrected_p_value,

@@ -5,8 +5,6 @@
 #include <numeric>
 #include <utility>
 
-#include "base/check.h"
-
 namespace slalom::sim {
 namespace {
 
@@ -98,29 +96,15 @@ std::optional<std::vector<int>> StaticIndices(std::string_view name) {
 }  // namespace
 
 std::string_view ToString(CourseKind kind) {
-  switch (kind) {
-    case CourseKind::kStatic:
-      return "static";
-    case CourseKind::kDynamicBox:
-      return "dynamic-box";
-    case CourseKind::kDynamicWall:
-      return "dynamic-wall";
-  }
-  base::CheckFailed(__FILE__, __LINE__, "a kind of course that is none");
+  constexpr std::array<std::string_view, 3> kKinds = {"static", "dynamic-box", "dynamic-wall"};
+  return kKinds.at(static_cast<std::size_t>(kind));
 }
 
 int NumCourses(CourseKind kind) { return kind == CourseKind::kStatic ? kNumStatic : kNumDynamic; }
 
 int FirstWorld(CourseKind kind) {
-  switch (kind) {
-    case CourseKind::kStatic:
-      return 0;
-    case CourseKind::kDynamicBox:
-      return kNumStatic;
-    case CourseKind::kDynamicWall:
-      return kNumStatic + kNumDynamic;
-  }
-  base::CheckFailed(__FILE__, __LINE__, "a kind of course that is none");
+  constexpr std::array<int, 3> kFirst = {0, kNumStatic, kNumStatic + kNumDynamic};
+  return kFirst.at(static_cast<std::size_t>(kind));
 }
 
 std::span<const std::string_view> SplitNames() { return kNames; }

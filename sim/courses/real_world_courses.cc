@@ -1,10 +1,7 @@
 #include "sim/courses/real_world_courses.h"
 
-#include <fmt/format.h>
-
+#include <array>
 #include <utility>
-
-#include "base/check.h"
 
 namespace slalom::sim {
 namespace {
@@ -191,15 +188,9 @@ Course LongHall() {
 }  // namespace
 
 Course RealWorldCourse(int number) {
-  switch (number) {
-    case 1:
-      return BenchmarkLike();
-    case 2:
-      return Indoor();
-    case 3:
-      return LongHall();
-  }
-  base::CheckFailed(__FILE__, __LINE__, fmt::format("no real-world course {}", number));
+  constexpr std::array kMakers = {BenchmarkLike, Indoor, LongHall};
+  static_assert(kMakers.size() == kNumRealWorldCourses);
+  return kMakers.at(static_cast<std::size_t>(number - 1))();
 }
 
 }  // namespace slalom::sim
