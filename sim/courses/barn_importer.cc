@@ -52,15 +52,13 @@ struct WorldFiles {
 WorldFiles ListWorlds(const fs::path& directory) {
   std::error_code error;
   fs::directory_iterator entries(directory, error);
-  if (error) {
-    throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
-  }
+  if (error) throw base::Error("{}: cannot be listed: {}", directory.string(), error.message());
   WorldFiles files;
   for (const fs::directory_entry& entry : entries) {
     if (const auto number = WorldNumber(entry.path())) {
       if (!files.numbered.emplace(*number, entry.path()).second) {
-        throw base::Error(fmt::format("{}: is world {} a second time, expected one file of it",
-                                      entry.path().string(), *number));
+        throw base::Error("{}: is world {} a second time, expected one file of it",
+                          entry.path().string(), *number);
       }
     } else if (entry.path().extension() == ".world") {
       files.others.push_back(entry.path().filename().string());
@@ -105,17 +103,16 @@ std::string ListNumbers(const std::vector<int>& numbers) {
 }
 
 std::vector<Cell> ReadCells(const IntegerTable& path, const std::string& source) {
-  if (path.num_cols != 2 || path.num_rows < 2) {
-    throw base::Error(fmt::format("{}: its path is a table of {} x {}, expected n x 2 with n >= 2",
-                                  source, path.num_rows, path.num_cols));
-  }
+  base::ThrowIf(path.num_cols != 2 || path.num_rows < 2,
+                "{}: its path is a table of {} x {}, expected n x 2 with n >= 2", source,
+                path.num_rows, path.num_cols);
   std::vector<Cell> cells;
   for (std::size_t i = 0; i < path.num_rows; ++i) {
     const Cell cell{static_cast<int>(std::clamp<std::int64_t>(path.at(i, 0), -1, kFieldSize)),
                     static_cast<int>(std::clamp<std::int64_t>(path.at(i, 1), -1, kFieldSize))};
     if (!IsInField(cell)) {
-      throw base::Error(fmt::format("{}: its path leaves the field at cell {} ({}, {})", source, i,
-                                    path.at(i, 0), path.at(i, 1)));
+      throw base::Error("{}: its path leaves the field at cell {} ({}, {})", source, i,
+                        path.at(i, 0), path.at(i, 1));
     }
     cells.push_back(cell);
   }
@@ -148,9 +145,9 @@ Course MakeMovingCourse(const DynamicMotions& motions, int number, const World* 
                         const fs::path& world_path) {
   const std::vector<MovingObstacle>& moving = motions.worlds.at(number);
   if (world != nullptr && world->moving_model_lines.size() != moving.size()) {
-    throw base::Error(fmt::format("{}: has {} moving obstacles, but {} has {} for world {}",
-                                  world_path.string(), world->moving_model_lines.size(),
-                                  motions.file.string(), moving.size(), number));
+    throw base::Error("{}: has {} moving obstacles, but {} has {} for world {}",
+                      world_path.string(), world->moving_model_lines.size(), motions.file.string(),
+                      moving.size(), number);
   }
   const FixedObstacles fixed =
       world != nullptr ? FixedObstacles{world->circles, world->boxes} : motions.fixed.value();
@@ -219,7 +216,7 @@ Course MakeImportedCourse(std::string name, const World& world, const IntegerTab
     }
   }
   if (const auto reason = WhyUnsolvable(course)) {
-    throw base::Error(fmt::format("{}: cannot be driven: {}", source, *reason));
+    throw base::Error("{}: cannot be driven: {}", source, *reason);
   }
   return course;
 }
@@ -228,18 +225,17 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
   const std::vector<DynamicMotions> all_motions = ReadMotions(motions.value_or(directory));
   if (motions && all_motions.empty()) {
     throw base::Error(
-        fmt::format("{}: holds neither dynamic_box.csv nor dynamic_wall.csv; docs/courses.md says "
-                    "what they hold and where it comes from",
-                    motions->string()));
+        "{}: holds neither dynamic_box.csv nor dynamic_wall.csv; docs/courses.md says what they "
+        "hold and where it comes from",
+        motions->string());
   }
   const fs::path worlds_directory = WorldsIn(directory);
   const auto [worlds, others] = ListWorlds(worlds_directory);
-  if (worlds.empty() && all_motions.empty()) {
-    throw base::Error(fmt::format(
-        "{}: holds no world_N.world file, nor does its world_files/; expected the directory of the "
-        "original worlds: jackal_helper/worlds/BARN of {}, or the data set of {}",
-        directory.string(), kRepositoryUrl, kDataSetUrl));
-  }
+  base::ThrowIf(
+      worlds.empty() && all_motions.empty(),
+      "{}: holds no world_N.world file, nor does its world_files/; expected the directory of the "
+      "original worlds: jackal_helper/worlds/BARN of {}, or the data set of {}",
+      directory.string(), kRepositoryUrl, kDataSetUrl);
   BarnImport import;
   import.directory = directory;
   if (!others.empty()) {
@@ -256,16 +252,14 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
   for (const auto& [number, world_path] : worlds) {
     const auto kind = KindOf(number);
     if (!kind) {
-      throw base::Error(fmt::format(
+      throw base::Error(
           "{}: the data set has worlds 0 to {}; to import a world of your own, give its file",
-          world_path.string(), FirstWorld(kKinds[2]) + NumCourses(kKinds[2]) - 1));
+          world_path.string(), FirstWorld(kKinds[2]) + NumCourses(kKinds[2]) - 1);
     }
     const World world = ReadWorld(world_path);
     if (kind != CourseKind::kStatic && world.moving_model_lines.empty()) {
-      throw base::Error(
-          fmt::format("{}: nothing moves in it, expected moving obstacles in a world "
-                      "of {}",
-                      world_path.string(), ToString(*kind)));
+      throw base::Error("{}: nothing moves in it, expected moving obstacles in a world of {}",
+                        world_path.string(), ToString(*kind));
     }
     if (world.has_damaged_end) remarks.mended.push_back(number);
     if (world.num_out_of_reach > 0) remarks.out_of_reach.push_back(number);
@@ -305,9 +299,7 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
 
 WrittenCollection WriteCollection(const BarnImport& import, const fs::path& output,
                                   IncompleteKinds incomplete) {
-  if (import.courses.empty()) {
-    throw base::Error(fmt::format("{}: there is no course to write", output.string()));
-  }
+  base::ThrowIf(import.courses.empty(), "{}: there is no course to write", output.string());
   struct PartOfKind {
     CourseSet set;
     std::string missing;
@@ -336,10 +328,10 @@ WrittenCollection WriteCollection(const BarnImport& import, const fs::path& outp
       missing += part.missing + "; ";
       names += (names.empty() ? "" : ", ") + part.set.name;
     }
-    throw base::Error(fmt::format(
+    throw base::Error(
         "{}: {}expected all worlds of a kind or none. --incomplete writes those that are there as "
         "{}; to import a world of your own, give its file",
-        import.directory.string(), missing, names));
+        import.directory.string(), missing, names);
   }
   base::MakeDirectories(output);
   WrittenCollection written;

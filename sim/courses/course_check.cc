@@ -21,9 +21,7 @@ constexpr double kDiscRadius = 0.5 * kRobotWidth;
 
 double Clearance(const Course& course, base::Vec2 p_W) {
   double clearance = 1e9;
-  for (const Circle& c : course.circles) {
-    clearance = std::min(clearance, DistanceTo(c, p_W));
-  }
+  for (const Circle& c : course.circles) clearance = std::min(clearance, DistanceTo(c, p_W));
   for (const Box& box : course.boxes) clearance = std::min(clearance, DistanceTo(box, p_W));
   return clearance;
 }

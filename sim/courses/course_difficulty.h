@@ -1,7 +1,6 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include "sim/courses/barn_field.h"
 #include "sim/courses/course.h"

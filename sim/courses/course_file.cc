@@ -68,9 +68,7 @@ void PrintCourse(const Course& course, std::string& text) {
                    box.half_size.x, box.half_size.y);
   }
   for (const MovingObstacle& obstacle : course.moving) PrintMoving(obstacle, text);
-  for (const base::Vec2& p : course.reference_path_W) {
-    fmt::format_to(out, "path {} {}\n", p.x, p.y);
-  }
+  for (const base::Vec2& p : course.reference_path_W) fmt::format_to(out, "path {} {}\n", p.x, p.y);
   text += "end\n";
 }
 
@@ -103,7 +101,7 @@ class Parser {
 
  private:
   [[noreturn]] void Fail(const std::string& what) const {
-    throw base::Error(fmt::format("{}:{}: {}", source_, line_number_, what));
+    throw base::Error("{}:{}: {}", source_, line_number_, what);
   }
 
   /// The next line without its end; the file must hold one.
@@ -125,7 +123,7 @@ class Parser {
   }
 
   void ReadHeader() {
-    if (text_.empty()) throw base::Error(fmt::format("{}: the file is empty", source_));
+    base::ThrowIf(text_.empty(), "{}: the file is empty", source_);
     if (!text_.starts_with(kMagic)) {
       line_number_ = 1;
       Fail("not a Slalom course file; expected \"slalom-courses 1\" or \"slalom-courses 2\"");

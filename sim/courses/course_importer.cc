@@ -124,21 +124,21 @@ void RequireFree(const OccupancyMap& map, UnknownCells unknown, std::string_view
   if (!(x >= 0.0 && y >= 0.0 && x < map.num_x && y < map.num_y)) {
     const Box all = BoxOf(map, {0, 0, map.num_x, map.num_y});
     const Bounds bounds = Including({all.X_WB.p, all.X_WB.p}, all);
-    throw base::Error(fmt::format(
+    throw base::Error(
         "{}: the {} ({}, {}) is outside the map, expected x from {} to {} and y from {} to {}{}",
         path.string(), what, p_W.x, p_W.y, bounds.min_W.x, bounds.max_W.x, bounds.min_W.y,
-        bounds.max_W.y, map.X_WM.yaw == 0.0 ? "" : ", less the corners of the turned map"));
+        bounds.max_W.y, map.X_WM.yaw == 0.0 ? "" : ", less the corners of the turned map");
   }
   const int column = static_cast<int>(x);
   const int row = static_cast<int>(y);
   if (IsObstacle(map, unknown, column, row)) {
     const bool is_unknown = map.at(column, row) == Occupancy::kUnknown;
     throw base::Error(
-        fmt::format("{}: the {} ({}, {}) is in {}, expected a free one (the pixel in "
-                    "column {} and line {} of the image, counted from 1)",
-                    path.string(), what, p_W.x, p_W.y,
-                    is_unknown ? "an unknown cell, which counts as occupied" : "an occupied cell",
-                    column + 1, map.num_y - row));
+        "{}: the {} ({}, {}) is in {}, expected a free one (the pixel in column {} and line {} of "
+        "the image, counted from 1)",
+        path.string(), what, p_W.x, p_W.y,
+        is_unknown ? "an unknown cell, which counts as occupied" : "an occupied cell", column + 1,
+        map.num_y - row);
   }
 }
 
@@ -146,12 +146,10 @@ void RequireSolvable(const Course& course, const std::filesystem::path& path) {
   const auto [low, high] = course.bounds;
   const double farthest =
       std::max({std::abs(low.x), std::abs(low.y), std::abs(high.x), std::abs(high.y)});
-  if (farthest > 1e5) {
-    throw base::Error(fmt::format("{}: has coordinates up to {:g} m, expected at most 1e5",
-                                  path.string(), farthest));
-  }
+  base::ThrowIf(farthest > 1e5, "{}: has coordinates up to {:g} m, expected at most 1e5",
+                path.string(), farthest);
   if (const auto reason = WhyUnsolvable(course)) {
-    throw base::Error(fmt::format("{}: cannot be driven: {}", path.string(), *reason));
+    throw base::Error("{}: cannot be driven: {}", path.string(), *reason);
   }
 }
 
@@ -162,9 +160,9 @@ ImportedCourse ImportWorld(std::string name, const std::filesystem::path& path,
   World world = ReadWorld(path);
   if (!world.moving_model_lines.empty()) {
     throw base::Error(
-        fmt::format("{}:{}: a plugin drives this model, and the file does not say how "
-                    "it moves, expected static models",
-                    path.string(), world.moving_model_lines.front()));
+        "{}:{}: a plugin drives this model, and the file does not say how it moves, expected "
+        "static models",
+        path.string(), world.moving_model_lines.front());
   }
   ImportedCourse imported;
   if (world.has_damaged_end) {

@@ -35,13 +35,11 @@ constexpr int kMaxGenerated = 100000;
 constexpr char kJoin = '+';
 
 void CheckSolvable(const CourseSet& set, const fs::path& source) {
-  if (set.courses.empty()) {
-    throw base::Error(fmt::format("{}: the course set is empty", source.string()));
-  }
+  base::ThrowIf(set.courses.empty(), "{}: the course set is empty", source.string());
   for (const auto& course : set.courses) {
     if (const auto reason = WhyUnsolvable(*course)) {
-      throw base::Error(fmt::format("{}: course {} cannot be driven: {}", source.string(),
-                                    course->name, *reason));
+      throw base::Error("{}: course {} cannot be driven: {}", source.string(), course->name,
+                        *reason);
     }
   }
 }
@@ -52,14 +50,10 @@ std::vector<fs::path> ListFiles(const fs::path& directory,
   std::vector<fs::path> files;
   std::error_code error;
   fs::directory_iterator entries(directory, error);
-  if (error) {
-    throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
-  }
+  if (error) throw base::Error("{}: cannot be listed: {}", directory.string(), error.message());
   for (const fs::directory_entry& entry : entries) {
     const std::string extension = entry.path().extension().string();
-    if (std::ranges::find(extensions, extension) != extensions.end()) {
-      files.push_back(entry.path());
-    }
+    if (std::ranges::find(extensions, extension) != extensions.end()) files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -83,21 +77,19 @@ CourseSet ReadOwnFile(const fs::path& file) {
 CourseSet ReadDirectory(const fs::path& directory) {
   CourseSet set{fs::absolute(directory).lexically_normal().filename().string(), {}};
   const std::vector<fs::path> files = ListFiles(directory, {kCourseExtension, kCourseSetExtension});
-  if (files.empty()) {
-    throw base::Error(
-        fmt::format("{}: the directory holds no *{} or *{} file, so the course set is empty",
-                    directory.string(), kCourseExtension, kCourseSetExtension));
-  }
+  base::ThrowIf(files.empty(),
+                "{}: the directory holds no *{} or *{} file, so the course set is empty",
+                directory.string(), kCourseExtension, kCourseSetExtension);
   for (const fs::path& file : files) {
     const CourseSet part = ReadOwnFile(file);
     for (const auto& course : part.courses) {
       const bool is_known = std::any_of(set.courses.begin(), set.courses.end(),
                                         [&](const auto& c) { return c->name == course->name; });
       if (is_known) {
-        throw base::Error(fmt::format(
+        throw base::Error(
             "{}: another file of the directory holds a course {} already; to choose one of its "
             "sets, give the set's file, or its name with the directory as the collection",
-            file.string(), course->name));
+            file.string(), course->name);
       }
       set.courses.push_back(course);
     }
@@ -120,11 +112,9 @@ CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
   const bool is_parsed = colon != std::string_view::npos &&
                          ParseWhole(rest.substr(0, colon), seed) &&
                          ParseWhole(rest.substr(colon + 1), count);
-  if (!is_parsed || count < 1 || count > kMaxGenerated) {
-    throw base::Error(fmt::format(
-        "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}", spec,
-        source.prefix, kMaxGenerated));
-  }
+  base::ThrowIf(!is_parsed || count < 1 || count > kMaxGenerated,
+                "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}",
+                spec, source.prefix, kMaxGenerated);
   CourseSet set = source.set(seed, count);
   set.name = spec;
   return set;
@@ -180,19 +170,18 @@ CourseSet ResolveOne(const std::string& spec, const std::optional<fs::path>& col
   if (!spec.empty() && fs::exists(path, error)) return ReadOwnFile(path);
   if (collection && !collection->empty() && !fs::is_directory(*collection, error)) {
     throw base::Error(
-        fmt::format("{}: is no directory, expected a collection that `slalom courses import` wrote",
-                    collection->string()));
+        "{}: is no directory, expected a collection that `slalom courses import` wrote",
+        collection->string());
   }
   const std::vector<std::string> names = ListCourseSets(collection);
   const std::string suggestion = base::Suggestion(spec, names);
-  throw base::Error(fmt::format(
+  throw base::Error(
       "\"{}\" is neither a course set nor a file{}{}{}here are: {}, {}, or the path of a course "
       "file, a course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
                                          : "",
-      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", "),
-      FreshCoursePatterns()));
+      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", "), FreshCoursePatterns());
 }
 
 /// Whether `spec` joins several sets.
@@ -211,9 +200,9 @@ CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>&
     for (const auto& course : part.courses) {
       if (!names.insert(course->name).second) {
         throw base::Error(
-            fmt::format("\"{}\": two of these sets hold a course {}, expected sets "
-                        "whose courses have different names",
-                        spec, course->name));
+            "\"{}\": two of these sets hold a course {}, expected sets whose courses have "
+            "different names",
+            spec, course->name);
       }
       all.courses.push_back(course);
     }

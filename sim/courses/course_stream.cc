@@ -14,8 +14,7 @@
 #include "sim/courses/course_generator.h"
 #include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
-#include "sim/courses/hall_generator.h"
-#include "sim/courses/room_generator.h"
+#include "sim/courses/indoor_generators.h"
 
 namespace slalom::sim {
 namespace {
@@ -74,9 +73,8 @@ FreshMix ParseFreshMix(std::string_view text) {
   FreshMix mix;
   for (const std::string_view kind : base::Split(text, '+')) {
     if (!base::ParseEnum(kind, mix.emplace_back())) {
-      throw base::Error(
-          fmt::format("\"{}\": expected \"none\", or one or more of {} joined by \"+\"", text,
-                      fmt::join(EnumNames(FreshKind{}).choices, ", ")));
+      throw base::Error("\"{}\": expected \"none\", or one or more of {} joined by \"+\"", text,
+                        fmt::join(EnumNames(FreshKind{}).choices, ", "));
     }
   }
   return mix;

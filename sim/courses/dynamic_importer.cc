@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
@@ -81,7 +80,7 @@ class Table {
   }
 
   [[noreturn]] void Fail(std::size_t row, const std::string& what) const {
-    throw base::Error(fmt::format("{}:{}: {}", source_, line_numbers_[row], what));
+    throw base::Error("{}:{}: {}", source_, line_numbers_[row], what);
   }
 
  private:
@@ -122,7 +121,7 @@ std::map<int, std::vector<MovingObstacle>> ReadWorlds(const fs::path& path, Cour
     if (const auto why = WhyBadKeyFrame(obstacle, 1)) table.Fail(row, *why);
     worlds[world].push_back(std::move(obstacle));
   }
-  if (worlds.empty()) throw base::Error(fmt::format("{}: holds no motion", path.string()));
+  base::ThrowIf(worlds.empty(), "{}: holds no motion", path.string());
   return worlds;
 }
 
@@ -178,8 +177,7 @@ Course MakeDynamicCourse(std::string name, CourseKind kind, const FixedObstacles
     }
   }
   if (const auto reason = WhyUnsolvable(course)) {
-    throw base::Error(
-        fmt::format("{}: world of course {} cannot be driven: {}", source, course.name, *reason));
+    throw base::Error("{}: world of course {} cannot be driven: {}", source, course.name, *reason);
   }
   return course;
 }

@@ -169,7 +169,7 @@ std::vector<EpisodeTrack> ParseEpisodes(std::string_view text, std::string_view 
     if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
     auto parsed = ParseLine(line);
     if (const auto* what = std::get_if<std::string>(&parsed)) {
-      throw base::Error(fmt::format("{}:{}: not an episode: {}", source, line_number, *what));
+      throw base::Error("{}:{}: not an episode: {}", source, line_number, *what);
     }
     tracks.push_back(std::get<EpisodeTrack>(std::move(parsed)));
   }

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <map>
 #include <system_error>
-#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -81,9 +80,7 @@ class DescriptionReader {
   bool Bool(std::string_view key) const {
     const Entry& entry = Find(key);
     const bool is_true = entry.text == "1" || entry.text == "true";
-    if (!is_true && entry.text != "0" && entry.text != "false") {
-      Fail(entry, key, "expected 0 or 1");
-    }
+    if (!is_true && entry.text != "0" && entry.text != "false") Fail(entry, key, "expected 0 or 1");
     return is_true;
   }
 
@@ -118,44 +115,37 @@ class DescriptionReader {
 
   Entry& Add(std::string_view line, int number) {
     const std::size_t colon = line.find(':');
-    if (colon == std::string_view::npos ||
-        (colon + 1 < line.size() && line[colon + 1] != ' ' && line[colon + 1] != '\t')) {
-      throw base::Error(
-          fmt::format("{}:{}: found \"{}\", expected \"KEY: VALUE\"", source_, number, line));
-    }
+    base::ThrowIf(
+        colon == std::string_view::npos ||
+            (colon + 1 < line.size() && line[colon + 1] != ' ' && line[colon + 1] != '\t'),
+        "{}:{}: found \"{}\", expected \"KEY: VALUE\"", source_, number, line);
     const std::string_view key = line.substr(0, colon);
     const auto keys = base::Split(kMapKeys, ',');
     if (std::ranges::none_of(keys,
                              [&](std::string_view known) { return base::Trim(known) == key; })) {
-      throw base::Error(fmt::format("{}:{}: found the key \"{}\", expected one of {}", source_,
-                                    number, key, kMapKeys));
+      throw base::Error("{}:{}: found the key \"{}\", expected one of {}", source_, number, key,
+                        kMapKeys);
     }
     const auto [entry, is_new] =
         entries_.emplace(key, Entry{number, base::Trim(line.substr(colon + 1)), {}});
-    if (!is_new) {
-      throw base::Error(
-          fmt::format("{}:{}: the key {} is there a second time", source_, number, key));
-    }
+    base::ThrowIf(!is_new, "{}:{}: the key {} is there a second time", source_, number, key);
     return entry->second;
   }
 
   const Entry& Find(std::string_view key) const {
     const auto found = entries_.find(key);
-    if (found == entries_.end()) {
-      throw base::Error(
-          fmt::format("{}: the key {} is missing, expected a map of ROS with the keys {}", source_,
-                      key, kMapKeys));
-    }
+    base::ThrowIf(found == entries_.end(),
+                  "{}: the key {} is missing, expected a map of ROS with the keys {}", source_, key,
+                  kMapKeys);
     return found->second;
   }
 
   [[noreturn]] void Fail(const Entry& entry, std::string_view key,
                          std::string_view expected) const {
-    throw base::Error(fmt::format("{}:{}: {} is \"{}\", {}", source_, entry.line, key,
-                                  entry.items.empty()
-                                      ? std::string(entry.text)
-                                      : fmt::format("{}", fmt::join(entry.items, ", ")),
-                                  expected));
+    throw base::Error("{}:{}: {} is \"{}\", {}", source_, entry.line, key,
+                      entry.items.empty() ? std::string(entry.text)
+                                          : fmt::format("{}", fmt::join(entry.items, ", ")),
+                      expected);
   }
 
   /// Not a number if `text` is none.
@@ -174,12 +164,10 @@ class PgmReader {
  public:
   PgmReader(std::string_view bytes, std::string_view source) : bytes_(bytes), source_(source) {
     is_binary_ = bytes.starts_with("P5");
-    if (!is_binary_ && !bytes.starts_with("P2")) {
-      throw base::Error(
-          fmt::format("{}: is no PGM image (P2 or P5), expected one, into which image "
-                      "programs convert others",
-                      source));
-    }
+    base::ThrowIf(
+        !is_binary_ && !bytes.starts_with("P2"),
+        "{}: is no PGM image (P2 or P5), expected one, into which image programs convert others",
+        source);
     position_ = 2;
     num_x_ = ReadNumber("width", 1, 1'000'000);
     num_y_ = ReadNumber("height", 1, 1'000'000);
@@ -193,10 +181,8 @@ class PgmReader {
     if (is_binary_ && position_ < bytes_.size()) ++position_;  // One blank.
     const std::size_t needed = num_pixels * (!is_binary_ || max_value_ > 255 ? 2 : 1);
     const std::size_t there = bytes_.size() - position_;
-    if (there < needed) {
-      throw base::Error(fmt::format("{}: is cut short: {} bytes of pixels, expected {} for {} x {}",
-                                    source_, there, needed, num_x_, num_y_));
-    }
+    base::ThrowIf(there < needed, "{}: is cut short: {} bytes of pixels, expected {} for {} x {}",
+                  source_, there, needed, num_x_, num_y_);
   }
 
   int num_x() const { return num_x_; }
@@ -207,25 +193,22 @@ class PgmReader {
     if (!is_binary_) return ReadNumber("pixel", 0, max_value_);
     int value = static_cast<unsigned char>(bytes_[position_++]);
     if (max_value_ > 255) value = 256 * value + static_cast<unsigned char>(bytes_[position_++]);
-    if (value > max_value_) {
-      throw base::Error(
-          fmt::format("{}: a pixel is {}, expected at most {}", source_, value, max_value_));
-    }
+    base::ThrowIf(value > max_value_, "{}: a pixel is {}, expected at most {}", source_, value,
+                  max_value_);
     return value;
   }
 
   void End() const {
     const std::string_view rest = bytes_.substr(position_);
-    if (rest.find_first_not_of(kSpaces) != std::string_view::npos) {
-      throw base::Error(fmt::format("{}: has {} bytes after its {} x {} pixels, expected none",
-                                    source_, rest.size(), num_x_, num_y_));
-    }
+    base::ThrowIf(rest.find_first_not_of(kSpaces) != std::string_view::npos,
+                  "{}: has {} bytes after its {} x {} pixels, expected none", source_, rest.size(),
+                  num_x_, num_y_);
   }
 
  private:
   [[noreturn]] void Fail(const std::string& what) const {
     const auto line = 1 + std::ranges::count(bytes_.substr(0, position_), '\n');
-    throw base::Error(fmt::format("{}:{}: {}", source_, line, what));
+    throw base::Error("{}:{}: {}", source_, line, what);
   }
 
   /// The next number after blanks and comments.
@@ -291,10 +274,9 @@ OccupancyMap ParseMapImage(const MapDescription& description, std::string_view b
                            std::string_view source) {
   PgmReader reader(bytes, source);
   const bool is_raw = description.is_raw;
-  if (is_raw && reader.max_value() != 255) {
-    throw base::Error(fmt::format("{}: its largest value is {}, expected 255 in mode raw", source,
-                                  reader.max_value()));
-  }
+  base::ThrowIf(is_raw && reader.max_value() != 255,
+                "{}: its largest value is {}, expected 255 in mode raw", source,
+                reader.max_value());
   OccupancyMap map{reader.num_x(), reader.num_y(), description.resolution, description.X_WM, {}};
   const auto num_x = static_cast<std::size_t>(map.num_x);
   map.cells.resize(num_x * static_cast<std::size_t>(map.num_y));

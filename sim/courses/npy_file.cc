@@ -17,7 +17,7 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kMaxValues = 1u << 24;
 
 [[noreturn]] void Fail(std::string_view source, std::string_view what) {
-  throw base::Error(fmt::format("{}: cannot be read as a .npy file: {}", source, what));
+  throw base::Error("{}: cannot be read as a .npy file: {}", source, what);
 }
 
 /// `size` bytes of `bytes` from `offset` as an unsigned number, least significant byte first.

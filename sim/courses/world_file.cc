@@ -111,9 +111,7 @@ class WorldReader {
   World Run(const tinyxml2::XMLDocument& document) {
     const XMLElement* sdf = document.FirstChildElement("sdf");
     const XMLElement* world = sdf != nullptr ? Only(*sdf, "world") : nullptr;
-    if (world == nullptr) {
-      throw base::Error(fmt::format("{}: holds no <sdf> with a <world>", source_));
-    }
+    if (world == nullptr) throw base::Error("{}: holds no <sdf> with a <world>", source_);
     if (const XMLElement* next = sdf->NextSiblingElement()) Fail(*next, "a second <sdf> begins");
     Check(*sdf, "sdf");
     const std::string_view version = AttributeOf(*sdf, "version");
@@ -133,7 +131,7 @@ class WorldReader {
 
  private:
   [[noreturn]] void Fail(const XMLElement& element, const std::string& what) const {
-    throw base::Error(fmt::format("{}:{}: {}", source_, element.GetLineNum(), what));
+    throw base::Error("{}:{}: {}", source_, element.GetLineNum(), what);
   }
 
   /// Refuses what `element` holds besides what the rule of `path` names.
@@ -438,8 +436,8 @@ World ParseWorld(std::string_view text, std::string_view source) {
   const std::string_view xml = mended.empty() ? text : std::string_view(mended);
   tinyxml2::XMLDocument document;
   if (document.Parse(xml.data(), xml.size()) != tinyxml2::XML_SUCCESS) {
-    throw base::Error(fmt::format("{}:{}: not a whole XML file ({})", source,
-                                  document.ErrorLineNum(), document.ErrorName()));
+    throw base::Error("{}:{}: not a whole XML file ({})", source, document.ErrorLineNum(),
+                      document.ErrorName());
   }
   World world = WorldReader(source).Run(document);
   world.has_damaged_end = !mended.empty();

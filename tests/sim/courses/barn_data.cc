@@ -1,6 +1,7 @@
 #include "tests/sim/courses/barn_data.h"
 
-#include <cstdio>
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <stdexcept>
@@ -118,6 +119,22 @@ std::vector<std::vector<MovingObstacle>> ReadBarnMotions(const std::filesystem::
                              .playback = Playback::kLoop});
   }
   return worlds;
+}
+
+double DistributionDistance(std::vector<double> a, std::vector<double> b) {
+  std::sort(a.begin(), a.end());
+  std::sort(b.begin(), b.end());
+  double largest = 0.0;
+  for (const std::vector<double>* sample : {&a, &b}) {
+    for (const double x : *sample) {
+      const auto below = [x](const std::vector<double>& v) {
+        return static_cast<double>(std::upper_bound(v.begin(), v.end(), x) - v.begin()) /
+               static_cast<double>(v.size());
+      };
+      largest = std::max(largest, std::abs(below(a) - below(b)));
+    }
+  }
+  return largest;
 }
 
 }  // namespace slalom::sim

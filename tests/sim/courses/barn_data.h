@@ -58,4 +58,7 @@ std::vector<BarnWorld> ReadBarnWorlds(const std::filesystem::path& directory);
 /// Throws std::runtime_error on a line that it cannot read.
 std::vector<std::vector<MovingObstacle>> ReadBarnMotions(const std::filesystem::path& file);
 
+/// Largest distance between the distribution functions of two samples (Kolmogorov-Smirnov).
+double DistributionDistance(std::vector<double> a, std::vector<double> b);
+
 }  // namespace slalom::sim

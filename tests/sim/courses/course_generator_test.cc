@@ -5,9 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <set>
-#include <string>
 #include <vector>
 
 #include "base/file.h"
@@ -131,9 +129,7 @@ TEST(CourseGenerator, EveryCourseCanBeCrossedAlongItsPath) {
       const Cell step{path[i].row - path[i - 1].row, path[i].col - path[i - 1].col};
       EXPECT_EQ(std::max(std::abs(step.row), std::abs(step.col)), 1);
       // Turns of at most 45 degrees: steps a right angle or more apart have a product of 0 or less.
-      if (i > 1) {
-        EXPECT_GT(step.row * last_step.row + step.col * last_step.col, 0);
-      }
+      if (i > 1) EXPECT_GT(step.row * last_step.row + step.col * last_step.col, 0);
       last_step = step;
     }
   }
@@ -210,23 +206,6 @@ double Variance(const std::vector<double>& v) {
   return sum / static_cast<double>(v.size() - 1);
 }
 
-/// Largest distance between the distribution functions of two samples (Kolmogorov-Smirnov).
-double Distance(std::vector<double> a, std::vector<double> b) {
-  std::sort(a.begin(), a.end());
-  std::sort(b.begin(), b.end());
-  double largest = 0.0;
-  for (const std::vector<double>* sample : {&a, &b}) {
-    for (const double x : *sample) {
-      const auto below = [x](const std::vector<double>& v) {
-        return static_cast<double>(std::upper_bound(v.begin(), v.end(), x) - v.begin()) /
-               static_cast<double>(v.size());
-      };
-      largest = std::max(largest, std::abs(below(a) - below(b)));
-    }
-  }
-  return largest;
-}
-
 Sample Generated(std::uint64_t seed) {
   Sample sample;
   for (const auto& course : GenerateStaticCourses(seed, 0, kNumStaticCourses).courses) {
@@ -259,8 +238,8 @@ TEST_F(PublishedWorlds, ResembleGeneratedOnes) {
       std::sqrt((Variance(original.num_cylinders) + Variance(generated.num_cylinders)) / 300.0);
   EXPECT_NEAR(Mean(generated.num_cylinders), Mean(original.num_cylinders), bound);
   // The whole distributions: Kolmogorov-Smirnov at level 1e-3, 1.95 * sqrt(2 / 300).
-  EXPECT_LT(Distance(generated.num_cylinders, original.num_cylinders), 0.159);
-  EXPECT_LT(Distance(generated.lengths, original.lengths), 0.159);
+  EXPECT_LT(DistributionDistance(generated.num_cylinders, original.num_cylinders), 0.159);
+  EXPECT_LT(DistributionDistance(generated.lengths, original.lengths), 0.159);
 }
 
 }  // namespace

@@ -11,7 +11,6 @@
 
 #include "base/file.h"
 #include "base/random.h"
-#include "sim/courses/course_file.h"
 #include "tests/support/error_of.h"
 #include "tests/support/scratch_directory.h"
 

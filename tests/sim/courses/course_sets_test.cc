@@ -81,9 +81,7 @@ TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
   for (int i = 0; i < 5; ++i) {
     EXPECT_EQ(Indices(nested[i]).size(), sizes[i]);
     EXPECT_TRUE(AreDisjoint(Indices(nested[i]), Indices("static-test")));
-    if (i > 0) {
-      EXPECT_TRUE(Contains(Indices(nested[i]), Indices(nested[i - 1])));
-    }
+    if (i > 0) EXPECT_TRUE(Contains(Indices(nested[i]), Indices(nested[i - 1])));
   }
   EXPECT_EQ(Indices("static").size(), 300u);
   const std::set<int> validation = Indices("static-validation");

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -75,23 +74,6 @@ std::vector<std::vector<MovingObstacle>> Motions(const CourseSet& set) {
   return motions;
 }
 
-/// Largest distance between the distribution functions of two samples (Kolmogorov-Smirnov).
-double Distance(std::vector<double> a, std::vector<double> b) {
-  std::sort(a.begin(), a.end());
-  std::sort(b.begin(), b.end());
-  double largest = 0.0;
-  for (const std::vector<double>* sample : {&a, &b}) {
-    for (const double x : *sample) {
-      const auto below = [x](const std::vector<double>& v) {
-        return static_cast<double>(std::upper_bound(v.begin(), v.end(), x) - v.begin()) /
-               static_cast<double>(v.size());
-      };
-      largest = std::max(largest, std::abs(below(a) - below(b)));
-    }
-  }
-  return largest;
-}
-
 /// Two samples of one distribution come further apart in 1 of 1000 cases (Smirnov).
 double Bound(std::size_t n, std::size_t m) {
   return 1.95 * std::sqrt(1.0 / static_cast<double>(n) + 1.0 / static_cast<double>(m));
@@ -102,7 +84,8 @@ std::set<std::string> Differences(const Sample& a, const Sample& b) {
   std::set<std::string> names;
   for (const auto& [name, values] : a.values) {
     const std::vector<double>& others = b.values.at(name);
-    if (Distance(values, others) > Bound(values.size(), others.size())) names.insert(name);
+    if (DistributionDistance(values, others) > Bound(values.size(), others.size()))
+      names.insert(name);
   }
   return names;
 }

@@ -1,10 +1,9 @@
+#include "sim/courses/indoor_generators.h"
+
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
-#include <memory>
 #include <set>
 #include <string>
 #include <vector>
@@ -14,9 +13,7 @@
 #include "sim/courses/clutter.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
-#include "sim/courses/hall_generator.h"
 #include "sim/courses/reference_path.h"
-#include "sim/courses/room_generator.h"
 #include "tests/support/path_points.h"
 
 namespace slalom::sim {
