@@ -1,9 +1,7 @@
 #include <benchmark/benchmark.h>
 
-#include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <optional>
 #include <thread>
 #include <utility>
 
@@ -50,9 +48,7 @@ void OneWay(benchmark::State& state) {
     Frame payload(kChunkBytes);
     while (!stop.stop_requested()) {
       Message message{Frame::Copy("header of an insert"), payload.Share()};
-      while (!stop.stop_requested() && !client.Send(std::move(message))) {
-        client.Receive(1ms);
-      }
+      while (!stop.stop_requested() && !client.Send(std::move(message))) client.Receive(1ms);
     }
   });
   while (!server.Receive(100ms)) {

@@ -1,10 +1,8 @@
 #include "actor/actor.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cmath>
 #include <thread>
 #include <utility>
 
@@ -159,9 +157,7 @@ TEST(Actor, AveragesTheLastEpisodes) {
                                                                : env::Outcome::kTimeout;
     }
     ASSERT_GT(episodes.size(), 35u);
-    if (kind == Sampling::kLearnable) {
-      ASSERT_GT(num_learnable, 20);
-    }
+    if (kind == Sampling::kLearnable) ASSERT_GT(num_learnable, 20);
     const ActorStats stats = fixture.actor.stats();
     EXPECT_EQ(stats.num_episodes, static_cast<std::int64_t>(episodes.size()) + num_learnable);
     EXPECT_EQ(stats.num_recent, 25);

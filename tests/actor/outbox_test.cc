@@ -1,6 +1,5 @@
 #include "actor/service/outbox.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,3 @@
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -231,9 +230,7 @@ TEST_P(RestartIn, ItMakesStepsAgainAndEachIsCountedOnce) {
   ASSERT_NO_FATAL_FAILURE(ExpectProgressAndOneAccount());
   EXPECT_EQ(lost(LossReason::kServer), 0);
   EXPECT_EQ(lost(LossReason::kReplaced), 0);
-  if (end == End::kStopped || !phase.has_made) {
-    EXPECT_EQ(lost(LossReason::kKilled), 0);
-  }
+  if (end == End::kStopped || !phase.has_made) EXPECT_EQ(lost(LossReason::kKilled), 0);
 }
 
 std::string NameOf(const ::testing::TestParamInfo<RestartIn::ParamType>& of) {

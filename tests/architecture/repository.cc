@@ -1,11 +1,9 @@
 #include "tests/architecture/repository.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <fstream>
 #include <iterator>
-#include <optional>
 #include <sstream>
 
 namespace slalom::architecture {

@@ -4,8 +4,6 @@
 
 #include "base/random.h"
 #include "env/action.h"
-#include "env/agent.h"
-#include "env/environment.h"
 #include "env/episode.h"
 #include "env/observation.h"
 

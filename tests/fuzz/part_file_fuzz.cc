@@ -1,8 +1,6 @@
 // Part files of the replay buffer: a table is loaded from a file whose checksums are right and
 // whose rows are the input's.
 
-#include <fmt/format.h>
-
 #include <fstream>
 
 #include "base/error.h"

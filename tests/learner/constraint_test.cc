@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "learner/learner.h"
 #include "policy/nn/network_shape.h"
 
 namespace slalom::learner {

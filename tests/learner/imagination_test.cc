@@ -5,10 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 #include <vector>
 
-#include "base/error.h"
 #include "tests/learner/linear_world.h"
 
 namespace slalom::learner {

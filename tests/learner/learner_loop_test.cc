@@ -8,7 +8,6 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -144,9 +143,7 @@ struct Loop {
       return run::ClockReading{.wall_s = now_s, .processor_s = now_s};
     });
     LearnerLoop loop(plan, learner, source, sink, registry, clock);
-    if (resume) {
-      EXPECT_TRUE(loop.Restore());
-    }
+    if (resume) EXPECT_TRUE(loop.Restore());
     return loop.Run(stop);
   }
 

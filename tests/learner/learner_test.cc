@@ -181,9 +181,7 @@ TEST(Learner, AveragesItsLastPolicies) {
       Train(learner, n, n + 1);
       const float rate = std::max(0.4f, 5.0f / (5.0f + static_cast<float>(n)));
       const std::vector<float> actor = read("actor.parameters");
-      for (std::size_t i = 0; i < actor.size(); ++i) {
-        expected[i] += rate * (actor[i] - expected[i]);
-      }
+      for (std::size_t i = 0; i < actor.size(); ++i) expected[i] += rate * (actor[i] - expected[i]);
       EXPECT_THAT(read("actor.average_parameters"),
                   testing::Pointwise(testing::FloatNear(1e-6f), expected))
           << algorithm << " " << n;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 
 #include "env/observation.h"
 #include "tests/learner/random_rows.h"

@@ -72,9 +72,7 @@ TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
     for (int i = 0; i < kBatch; ++i) {
       const std::vector<float> row = Row(minibatch, i);
       const bool mirrored = row == Expected(random_rows.rows, i, true);
-      if (!mirrored) {
-        EXPECT_EQ(row, Expected(random_rows.rows, i, false));
-      }
+      if (!mirrored) EXPECT_EQ(row, Expected(random_rows.rows, i, false));
       num_mirrored += mirrored;
     }
   }

@@ -1,9 +1,7 @@
 #include <fmt/format.h>
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
 #include <tuple>
 #include <utility>
 #include <vector>

@@ -2,7 +2,6 @@
 #include <torch/torch.h>
 
 #include <string>
-#include <vector>
 
 #include "learner/model_trainer.h"
 #include "tests/learner/random_rows.h"

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 
 #include "learner/model_trainer.h"
 #include "tests/learner/random_rows.h"

@@ -52,9 +52,7 @@ Tensor TimeCnn(Parts& parts, const Tensor& frames) {
 Tensor BeamCnn(Parts& parts, const nn::NetworkConfig& config, const Tensor& frames) {
   const std::int64_t ranges = frames.size(2) - static_cast<std::int64_t>(env::kStateSize);
   Tensor x = frames.narrow(2, 0, ranges);
-  for (std::size_t i = 0; i + 1 < config.encoder_layers.size(); ++i) {
-    x = parts.Convolution(x, 2, 0);
-  }
+  for (std::size_t i = 0; i + 1 < config.encoder_layers.size(); ++i) x = parts.Convolution(x, 2, 0);
   const Tensor state = frames.narrow(2, ranges, env::kStateSize).flatten(1);
   return torch::relu(parts.Linear(torch::cat({x.transpose(1, 2).flatten(1), state}, 1)));
 }

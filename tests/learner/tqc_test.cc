@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "tests/learner/random_rows.h"

@@ -34,9 +34,7 @@ class WrittenTd3 : public ActorCritic<DeterministicActor> {
     const at::Tensor y = minibatch_.reward + minibatch_.discount * next_q;
     critics_.Descend(CriticLoss(critics_.Values(s, a), y), rate * config_.critic_learning_rate, tau,
                      totals_[Total::kCriticNorm]);
-    if (constraint_) {
-      constraint_->UpdateCritics(next_a, rate * config_.critic_learning_rate, tau);
-    }
+    if (constraint_) constraint_->UpdateCritics(next_a, rate * config_.critic_learning_rate, tau);
     if (!update_actor) return;
     totals_.CountActorUpdate();
     const at::Tensor act = actor_.Actions(s);

@@ -5,7 +5,6 @@
 
 #include <bit>
 #include <cmath>
-#include <memory>
 #include <vector>
 
 #include "planners/navigation/navigator.h"
@@ -32,9 +31,7 @@ std::vector<std::uint16_t> Scan(const ScanGeometry& geometry, const base::Pose2&
       const base::Vec2 d = post - sensor_O;
       const double along = base::Dot(d, {c, s}), across = base::Cross(d, {c, s});
       const double half_chord2 = 0.01 - across * across;
-      if (along > 0.0 && half_chord2 > 0.0) {
-        range = std::min(range, along - std::sqrt(half_chord2));
-      }
+      if (along > 0.0 && half_chord2 > 0.0) range = std::min(range, along - std::sqrt(half_chord2));
     }
     ranges.push_back(static_cast<std::uint16_t>(std::lround(100.0 * range)));
   }

@@ -4,8 +4,6 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <thread>
-#include <utility>
 #include <variant>
 
 #include "proto/policy_link.h"

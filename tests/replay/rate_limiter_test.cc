@@ -44,9 +44,7 @@ TEST(RateLimiterTest, AgreesWithCountingOneByOne) {
         if (!insert_is_due) {
           ++held_inserts;
           // Never both: who waits is let through by the other.
-          if (present[name] && granted.contains(name)) {
-            ASSERT_TRUE(limiter.MaySample(name));
-          }
+          if (present[name] && granted.contains(name)) ASSERT_TRUE(limiter.MaySample(name));
           continue;
         }
         const auto n = static_cast<std::int64_t>(1 + random.UniformInt(4));

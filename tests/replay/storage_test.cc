@@ -190,9 +190,7 @@ TEST_F(StorageTest, RowsThatAreOverwrittenLeaveTheDiskFileByFile) {
   Chunk chunk(kBeams);
   const auto save = [&](int rows) {
     chunk.Clear();
-    for (int i = 0; i < rows; ++i) {
-      chunk.AddStep(0, table.total_inserted() + i == 0, frame, {}, {});
-    }
+    for (int i = 0; i < rows; ++i) chunk.AddStep(0, table.total_inserted() + i == 0, frame, {}, {});
     table.Insert(chunk);
     const std::string manifest = storage.Save(table);
     storage.Commit(std::vector{manifest});
@@ -252,9 +250,7 @@ TEST_F(StorageTest, EveryTruncationAndEveryChangedByteIsNoticed) {
     std::ofstream(file, std::ios::binary) << damaged;
     EXPECT_THAT(LoadError(manifest), HasSubstr(file.string()));
   };
-  for (std::size_t size = 0; size < content.size(); ++size) {
-    expect_noticed(content.substr(0, size));
-  }
+  for (std::size_t size = 0; size < content.size(); ++size) expect_noticed(content.substr(0, size));
   for (std::size_t i = 0; i < content.size(); ++i) {
     std::string damaged = content;
     damaged[i] ^= 1;

@@ -146,9 +146,7 @@ class OpenField {
     robot_.TurnWheelsTo(0.0);
   }
   void Drive(double linear, double angular, int num_steps = 1) {
-    for (int i = 0; i < num_steps; ++i) {
-      EXPECT_FALSE(robot_.Drive(linear, angular, scene_, 0.0));
-    }
+    for (int i = 0; i < num_steps; ++i) EXPECT_FALSE(robot_.Drive(linear, angular, scene_, 0.0));
   }
   base::Pose2 pose() const { return robot_.pose(); }
   const BodyState& body() const { return robot_.body(); }

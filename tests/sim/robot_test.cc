@@ -252,9 +252,7 @@ TEST(ContactWorldTest, ContactTakesKineticEnergy) {
     const double before = energy(state);
     const bool touching = contacts.Step(map, {}, 0.02f, state);
     // Box2D's rounding near 4 m: some 1e-6 m.
-    if (std::abs(clearance) > 1e-5f) {
-      EXPECT_EQ(touching, clearance < 0.0f) << clearance;
-    }
+    if (std::abs(clearance) > 1e-5f) EXPECT_EQ(touching, clearance < 0.0f) << clearance;
     EXPECT_LE(energy(state), before * (1.0 + 1e-5));
     touched += touching;
   }

@@ -82,9 +82,7 @@ TEST(Acting, IsTheTrainedNetworkBitForBitWhereTrainingUsesTheSameProducts) {
       }
     }
   }
-  if (nn::DetectCpuFeatures().avx2_fma) {
-    EXPECT_GE(num_same, 9 * 3);
-  }
+  if (nn::DetectCpuFeatures().avx2_fma) EXPECT_GE(num_same, 9 * 3);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "app/train/run_identity.h"
 
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

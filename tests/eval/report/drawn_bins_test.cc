@@ -132,9 +132,7 @@ TEST(DrawnBins, TheFieldsOwnValueHasABinOfItsOwn) {
   constexpr double kOwn = 0.05;  // In the middle of what is drawn.
   results[0].settings = {{"environment.randomize_share", "0.5"},
                          {"environment.robot.command_delay", "0.05"}};
-  for (int c = 0; c < kCourses; c += 2) {
-    std::ranges::fill(results[0].drawn[0].values[c], kOwn);
-  }
+  for (int c = 0; c < kCourses; c += 2) std::ranges::fill(results[0].drawn[0].values[c], kOwn);
   const auto bins = BinByDrawnFields(results, kTwo)[0].bins;
   ASSERT_EQ(bins.size(), 1u + 4u) << "180 drawn episodes of two agents";
   EXPECT_EQ(bins[0].label, "not drawn: 0.05");

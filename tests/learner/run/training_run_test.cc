@@ -4,7 +4,6 @@
 
 #include <string>
 
-#include "base/file.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::run {

@@ -1,6 +1,5 @@
 #include "planners/dwa/dwa.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 #include "planners/elastic_band/elastic_band.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -151,9 +150,7 @@ TEST(ElasticBand, RefusesObstaclesAndStaysAsItWas) {
   EXPECT_FALSE(band.SetPath(field, Line({0.0, 0.0}, {2.0, 0.0}, 2))) << "in the gap";
   EXPECT_FALSE(band.BeginAt(field, {1.0, 0.0})) << "robot in an obstacle";
   ASSERT_EQ(band.bubbles().size(), before.size());
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    EXPECT_EQ(band.bubbles()[i].p_O, before[i].p_O);
-  }
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(band.bubbles()[i].p_O, before[i].p_O);
 }
 
 TEST(ElasticBand, BeginsAtTheRobot) {

@@ -65,9 +65,7 @@ TEST(DistanceGrid, AgreesWithRelaxation) {
       }
     }
     for (int y = 0; y < 30; ++y) {
-      for (int x = 0; x < 30; ++x) {
-        EXPECT_EQ(grid.distance({x, y}), expected[map.Index({x, y})]);
-      }
+      for (int x = 0; x < 30; ++x) EXPECT_EQ(grid.distance({x, y}), expected[map.Index({x, y})]);
     }
   }
 }

@@ -160,9 +160,7 @@ TEST(Navigator, GivesUpWithoutAPlan) {
   robot.Step();
   EXPECT_EQ(robot.navigator().state(), NavigatorState::kPlanning);
   std::vector<std::string> story;
-  for (int i = 0; i < 4; ++i) {
-    story.push_back(robot.StepWhile(robot.navigator().state(), 30.0));
-  }
+  for (int i = 0; i < 4; ++i) story.push_back(robot.StepWhile(robot.navigator().state(), 30.0));
   // Patience, clearing in a cycle, patience, a turn that the standing robot never completes.
   EXPECT_THAT(story, ElementsAre("planning 5", "recovering 0", "planning 5", "recovering 30"));
   EXPECT_NEAR(robot.navigator().record().num_turns_in_place, 20 * 30, 1);
@@ -407,9 +405,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
         ASSERT_EQ(used.planner().path_was_new_, fresh.planner().path_was_new_) << i;
         ASSERT_EQ(used.planner().cost_ahead_, fresh.planner().cost_ahead_) << i;
         ASSERT_EQ(used.planner().X_OR_, fresh.planner().X_OR_) << i;
-        if (i % 20 == 0) {
-          ASSERT_TRUE(same_maps()) << i;
-        }
+        if (i % 20 == 0) ASSERT_TRUE(same_maps()) << i;
       }
       const NavigatorRecord &a = used.navigator().record(), &b = fresh.navigator().record();
       EXPECT_EQ(std::tie(a.num_cycles, a.num_failed_plans, a.num_failed_commands, a.num_recoveries,

@@ -118,9 +118,7 @@ TEST(FeatureMap, BoundedGoalKeepsItsDirectionAtAnyDistance) {
     const double length = std::hypot(goal[0], goal[1]);
     // Six float operations on numbers of at most 1 beside the rounding of x and y.
     EXPECT_NEAR(length, distance / (distance + kScale), 8 * 0x1p-24);
-    if (distance > 0.0) {
-      EXPECT_NEAR(std::atan2(goal[1], goal[0]), bearing, 1e-6);
-    }
+    if (distance > 0.0) EXPECT_NEAR(std::atan2(goal[1], goal[0]), bearing, 1e-6);
     EXPECT_GT(length, last);
     EXPECT_LT(length, 1.0);
     last = length;

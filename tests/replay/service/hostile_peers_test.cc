@@ -1,6 +1,5 @@
 // What nobody should send, to a server that runs.
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>

@@ -12,7 +12,6 @@
 
 #include "base/error.h"
 #include "base/random.h"
-#include "sim/courses/course_generator.h"
 #include "sim/pictures/animation_frames.h"
 #include "sim/pictures/animation_svg.h"
 #include "sim/pictures/course_painter.h"
