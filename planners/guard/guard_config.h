@@ -40,8 +40,7 @@ struct GuardConfig {
       "shown, in place of the goal (docs/safety.md).");
     v("waypoint_after", waypoint_after, base::Range{0.0, 1e6}, "s",
       "Without coming nearer to the goal for this time. 0: from the start, for places where "
-      "nothing "
-      "moves.",
+      "nothing moves.",
       with_waypoints);
     v("lookahead", lookahead, base::Range{0.5, 100.0}, "m",
       "How far ahead along the path the waypoint is.", with_waypoints);

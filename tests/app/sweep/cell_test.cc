@@ -400,10 +400,11 @@ TEST(CellTest, EveryKeyOfAPlannerIsPartOfItsIdAndOfItsScore) {
     });
     EXPECT_FALSE(fields.empty());
     const Cell base = cell({});
-    std::set<std::string> digests = {base.scores.at(0).digest};
+    std::map<std::string, std::string> ids = {{base.scores.at(0).digest, base.id}};
     ExpectEachKeyCounts(fields, base.id, [&](const Values& values) {
       const Cell other = cell(values);
-      EXPECT_TRUE(digests.insert(other.scores.at(0).digest).second) << values.begin()->first;
+      EXPECT_EQ(ids.emplace(other.scores.at(0).digest, other.id).first->second, other.id)
+          << values.begin()->first;
       return other.id;
     });
   }
