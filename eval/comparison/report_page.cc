@@ -201,6 +201,11 @@ Json TrackJson(const sim::EpisodeTrack& track, std::size_t course, const Thinnin
                {"points", Packed(points, kLengthResolution)},
                {"yaws", Packed(yaws, kAngleResolution)}};
   if (track.beams) json["scans"] = ScansJson(track, frames);
+  if (!track.interventions.empty()) {
+    std::set<double> guarded;  // Frames.
+    for (const int i : track.interventions) guarded.insert(static_cast<std::size_t>(i) / stride);
+    json["guarded"] = Packed({guarded.begin(), guarded.end()}, 1.0);
+  }
   return json;
 }
 

@@ -203,9 +203,12 @@ base::Pose2 PoseAt(const EpisodeTrack& track, double time) {
 }
 
 std::string CaptionOf(const AnimationPanel& panel) {
+  const bool is_guarded = std::ranges::any_of(
+      panel.tracks, [](const EpisodeTrack& track) { return !track.interventions.empty(); });
+  const char* const marks = is_guarded ? "; rings: guard" : "";
   if (panel.tracks.size() == 1) {
     const EpisodeTrack& track = panel.tracks.front();
-    return fmt::format("{} {:.1f} s", ToString(track.outcome), DurationOf(track));
+    return fmt::format("{} {:.1f} s{}", ToString(track.outcome), DurationOf(track), marks);
   }
   std::string caption;
   for (const env::Outcome outcome : {env::Outcome::kSuccess, env::Outcome::kCollision,
@@ -216,7 +219,7 @@ std::string CaptionOf(const AnimationPanel& panel) {
     if (count == 0) continue;
     caption += fmt::format("{}{} {}", caption.empty() ? "" : ", ", count, ToString(outcome));
   }
-  return caption;
+  return caption + marks;
 }
 
 std::vector<PoseKey> KeysOf(const EpisodeTrack& track, double tolerance) {

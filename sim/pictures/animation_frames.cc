@@ -122,6 +122,7 @@ struct AnimationFrames::Impl {
     const base::Pose2 pose = PoseAt(track, time);
     trail.push_back(pose.p);
     painter.PaintTrail(trail, kRobot);
+    painter.PaintGuardMarks(track, time, kRobot);
     painter.PaintRobot(pose, time < DurationOf(track) ? kRobot : OutcomeColour(track.outcome));
   }
 

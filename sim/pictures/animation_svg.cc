@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sim/courses/course_check.h"
+#include "sim/pictures/guard_marks.h"
 
 namespace slalom::sim {
 namespace {
@@ -20,6 +21,7 @@ constexpr double kTolerance = 0.4;      // [pixels]
 constexpr double kScanInterval = 0.2;   // Time between two scans that are shown, [s].
 constexpr std::size_t kMaxBeams = 60;   // Beams of a scan that is shown.
 constexpr double kGoalTolerance = 0.4;  // [m]
+constexpr double kMarkRadius = 2.0;     // Of a guard's mark, [pixels].
 constexpr double kLineHeight = 16.0;    // Height of the clock's line, [pixels].
 
 constexpr std::string_view kStyle =
@@ -254,6 +256,7 @@ class Writer {
 
   void AddTrack(const EpisodeTrack& track, const std::vector<PoseKey>& keys) {
     AddTrail(keys);
+    AddGuardMarks(track);
     const double end = DurationOf(track);
     const std::string_view outcome = ToString(track.outcome);
     std::string shape = BoxShape("robot", {0.5 * kRobotLength, 0.5 * kRobotWidth}) +
@@ -288,6 +291,17 @@ class Writer {
         "2000\"><animate "
         "attributeName=\"stroke-dashoffset\"{}</path>\n",
         points, Timing(times, offsets));
+  }
+
+  void AddGuardMarks(const EpisodeTrack& track) {
+    if (track.interventions.empty()) return;
+    Add("<g style=\"fill:var(--paper);stroke:var(--robot);stroke-width:1.2\">");
+    for (const std::size_t i : GuardMarks(track, 2.0 * kMarkRadius / animation_.scale)) {
+      const Point point = At(track.poses[i].p);
+      Add("<circle cx=\"{}\" cy=\"{}\" r=\"{}\">{}</circle>", Short(point.x, 1), Short(point.y, 1),
+          kMarkRadius, AppearsAt(track.step * static_cast<double>(i)));
+    }
+    Add("</g>\n");
   }
 
   void AddScans(const EpisodeTrack& track) {

@@ -4,11 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "base/check.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/motion.h"
+#include "sim/pictures/guard_marks.h"
 
 namespace slalom::sim {
 namespace {
@@ -19,8 +21,10 @@ constexpr double kGoalTolerance = 0.4;     // [m], within which the goal counts 
 constexpr double kOutlineSpacing = 1.0;    // [m] between outlines along a track.
 constexpr double kGhostInterval = 1.0;     // [s] between outlines of a moving obstacle.
 constexpr int kMaxGhosts = 200;
-constexpr double kMinLineWidth = 0.6;  // [pixels]
-constexpr double kMinArrowSize = 6.0;  // [pixels]
+constexpr double kMinLineWidth = 0.6;   // [pixels]
+constexpr double kMinArrowSize = 6.0;   // [pixels]
+constexpr double kMarkRadius = 0.05;    // Of a guard's mark, [m].
+constexpr double kMinMarkRadius = 2.0;  // [pixels]
 
 /// Points along the way of the obstacle's centre, from the first key frame to the last.
 std::vector<base::Vec2> WayOf(const MovingObstacle& obstacle, const Motion& motion) {
@@ -274,6 +278,7 @@ void CoursePainter::PaintTrack(const EpisodeTrack& track) {
   SetLineWidth(0.04);
   cairo_set_line_join(cairo_, CAIRO_LINE_JOIN_ROUND);
   cairo_stroke(cairo_);
+  PaintGuardMarks(track, std::numeric_limits<double>::infinity(), colour);
 
   const base::Pose2& end = track.poses.back();
   TraceOutline(end);
@@ -283,6 +288,24 @@ void CoursePainter::PaintTrack(const EpisodeTrack& track) {
   SetLineWidth(0.025);
   cairo_stroke(cairo_);
   PaintEndMark(end.p, 0.09, track.outcome);
+}
+
+void CoursePainter::PaintGuardMarks(const EpisodeTrack& track, double time, Colour colour) {
+  const double radius = std::max(kMarkRadius, kMinMarkRadius * PixelSize());
+  for (const std::size_t i : GuardMarks(track, 2.0 * radius)) {
+    if (track.step * static_cast<double>(i) > time) return;
+    PaintGuardMark(track.poses[i].p, radius, colour);
+  }
+}
+
+void CoursePainter::PaintGuardMark(base::Vec2 p, double radius, Colour colour) {
+  cairo_new_sub_path(cairo_);
+  cairo_arc(cairo_, p.x, p.y, radius, 0.0, 2.0 * base::kPi);
+  SetColour(cairo_, {1.0, 1.0, 1.0});
+  cairo_fill_preserve(cairo_);
+  SetColour(cairo_, colour);
+  SetLineWidth(0.4 * radius);
+  cairo_stroke(cairo_);
 }
 
 void CoursePainter::PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome) {

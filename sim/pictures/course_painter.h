@@ -54,11 +54,15 @@ class CoursePainter {
   void PaintMoving(const MovingObstacle& obstacle);
   /// Draws the robot at the start, with an arrow ahead.
   void PaintStart(const base::Pose2& X_WR);
-  /// Draws the line of the track, the robot's outline every metre and at the end, and an end mark.
+  /// Draws the line of the track, the robot's outline every metre and at the end, a ring where a
+  /// guard changed the action, and an end mark.
   void PaintTrack(const EpisodeTrack& track);
+  /// Draws the rings of the guard, as far as the drive has gone by `time` [s].
+  void PaintGuardMarks(const EpisodeTrack& track, double time, Colour colour);
 
   // Symbols, also used by the legend. `radius` is in the unit of the context.
   void PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome);
+  void PaintGuardMark(base::Vec2 p, double radius, Colour colour);
   void PaintGoal(base::Vec2 p, double radius);
   void PaintDashes(std::span<const base::Vec2> points, double width);
   /// A moving obstacle at the left, its way to the right, 2 * `reach` wide.

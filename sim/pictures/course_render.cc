@@ -16,6 +16,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "sim/pictures/course_painter.h"
+#include "sim/pictures/guard_marks.h"
 
 namespace slalom::sim {
 namespace {
@@ -169,6 +170,15 @@ std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
          [outcome](CoursePainter& painter, base::Vec2 p) {
            painter.PaintEndMark(p, 5.0, outcome);
          }});
+  }
+  const bool is_guarded = std::ranges::any_of(scenes, [](const CourseScene& scene) {
+    return std::ranges::any_of(
+        scene.tracks, [](const EpisodeTrack& track) { return !track.interventions.empty(); });
+  });
+  if (is_guarded) {
+    entries.push_back({std::string(kGuardMarksMeaning), [](CoursePainter& painter, base::Vec2 p) {
+                         painter.PaintGuardMark(p, 4.0, kInk);
+                       }});
   }
   return entries;
 }

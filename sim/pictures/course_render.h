@@ -21,7 +21,8 @@ struct CourseScene {
 /// The picture shows the fixed obstacles; the moving ones where they begin, with their outline at
 /// each second and their way; the start with the robot's outline; the goal with the circle in which
 /// it counts as reached; the reference path; the tracks, coloured by outcome, with the robot's
-/// outline now and then and at the end; a legend and a scale bar. It has 64 pixels to a metre, or
+/// outline now and then and at the end, and rings where a guard changed the action; a legend and a
+/// scale bar. It has 64 pixels to a metre, or
 /// fewer if the course is larger than 31 m.
 ///
 /// Requires: scene.course is not null. Throws `Error` if the picture would be too large.

@@ -135,6 +135,26 @@ class CourseView {
       context.lineTo(pose.x, pose.y);
     }
     context.stroke();
+    this.drawGuardMarks(track, colour, last);
+  }
+
+  // Rings where a guard changed the action, up to frame `last`, without those that would hide each other.
+  drawGuardMarks(track, colour, last) {
+    const {context} = this;
+    const {points, guarded} = trackFrames(track);
+    const r = this.pixels(3);
+    let [x, y] = [Infinity, Infinity];
+    context.fillStyle = themeColour('--floor');
+    context.strokeStyle = themeColour(colour);
+    context.lineWidth = this.pixels(1.2);
+    context.beginPath();
+    for (const k of guarded) {
+      if (k > last || Math.hypot(points[2 * k] - x, points[2 * k + 1] - y) < 2 * r) continue;
+      [x, y] = [points[2 * k], points[2 * k + 1]];
+      this.circle(x, y, r);
+    }
+    context.fill();
+    context.stroke();
   }
 
   // Where an episode ended: a dot for success, a cross for a collision, a square for a timeout.

@@ -20,6 +20,7 @@ function unpack([scale, base64]) {
 // ---- What is drawn, unpacked when it is first asked for.
 
 const OUTCOMES = {S: 'success', C: 'collision', T: 'timeout'};
+const GUARD_MARKS = ' Rings: the guard changed the action.';  // Of notes below pictures.
 
 function readReport() {
   const data = readData();
@@ -72,7 +73,8 @@ function motionPose(obstacle, time) {
 
 function trackFrames(track) {
   if (!track.frames) {
-    track.frames = {points: unpack(track.points), yaws: unpack(track.yaws)};
+    track.frames = {points: unpack(track.points), yaws: unpack(track.yaws),
+      guarded: track.guarded ? unpack(track.guarded) : []};
     if (track.scans) track.frames.ranges = decodeBase64(track.scans.ranges);
   }
   return track.frames;

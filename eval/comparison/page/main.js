@@ -180,6 +180,7 @@ class Page {
       note.textContent = `${course.name}: the scans of this episode were not kept.`;
     }
     if (course.moving.length > 0) note.textContent += ` ${course.moving.length} obstacles move (violet).`;
+    if (chosen.track.guarded) note.textContent += GUARD_MARKS;
   }
 
   drawTrajectories() {
@@ -199,7 +200,8 @@ class Page {
     document.getElementById('trajectory-note').textContent =
       `${course.name}, reference path ${course.length.toFixed(2)} m (dotted).` +
       (shown.length > 0 ? ' Ends: ● success, ✕ collision, ■ timeout.' : ' No episode shown.') +
-      (course.moving.length > 0 ? ' Moving obstacles stand where their motion begins.' : '');
+      (course.moving.length > 0 ? ' Moving obstacles stand where their motion begins.' : '') +
+      (shown.some(({track}) => track.guarded) ? GUARD_MARKS : '');
   }
 
   drawProvenance() {

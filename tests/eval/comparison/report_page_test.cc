@@ -168,6 +168,7 @@ TEST(ReportPageData, ThinsFramesButKeepsTheLast) {
   track.poses.clear();
   for (int i = 0; i <= 1000; ++i) track.poses.push_back({{0.001 * i, 0.0}, 0.0});
   track.beams.reset();
+  track.interventions = {3, 4, 6, 999};
   const json json_track = json::parse(ReportPageData(Compare(results)))["results"][0]["tracks"][0];
   EXPECT_DOUBLE_EQ(json_track["frame_time"], 0.12);
   EXPECT_DOUBLE_EQ(json_track["duration"], 30.0);
@@ -175,6 +176,10 @@ TEST(ReportPageData, ThinsFramesButKeepsTheLast) {
   ASSERT_EQ(points.size(), 2u * 251u);
   EXPECT_NEAR(points[2], 0.004, 1e-9);
   EXPECT_NEAR(points[2 * 250], 1.0, 1e-9);
+  EXPECT_THAT(Unpack(json_track["guarded"]), ::testing::ElementsAre(0, 1, 249));
+  track.interventions.clear();
+  const json plain = json::parse(ReportPageData(Compare(results)))["results"][0]["tracks"][0];
+  EXPECT_FALSE(plain.contains("guarded"));
 }
 
 /// `num_results` results on 300 courses like BARN's, 30 s long at 20 Hz.

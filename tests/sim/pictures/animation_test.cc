@@ -228,6 +228,33 @@ TEST(AnimationSvg, IsWellFormedAndEveryTimingIsWhole) {
   }
 }
 
+TEST(AnimationSvg, MarksOfTheGuardAppearWhenTheRobotIsThere) {
+  EpisodeTrack track = Wind("a", 1, 50);
+  track.interventions = {10, 25};
+  const Animation animation =
+      PlaceAnimation(MakePanels(OpenSet(), {track, Wind("b", 2, 50)}, "x"), {});
+  EXPECT_EQ(CaptionOf(animation.panels[0]), "success 4.9 s; rings: guard");
+  EXPECT_EQ(CaptionOf(animation.panels[1]), "success 4.9 s");
+  tinyxml2::XMLDocument document;
+  ASSERT_EQ(document.Parse(PrintAnimationSvg(animation).c_str()), tinyxml2::XML_SUCCESS);
+  std::vector<const tinyxml2::XMLElement*> circles;
+  Collect(document.RootElement(), "circle", circles);
+  std::vector<double> times;
+  const PanelPlace& place = animation.places[0];
+  for (const tinyxml2::XMLElement* circle : circles) {
+    const auto* appears = circle->FirstChildElement("animate");
+    if (appears == nullptr) continue;
+    const double time = std::stod(SplitAt(appears->Attribute("keyTimes"), ';')[1]);
+    times.push_back(time * animation.loop_time());
+    const base::Vec2 p = PoseAt(track, times.back()).p;
+    EXPECT_NEAR(circle->DoubleAttribute("cx"), animation.scale * (p.x - place.view.min_W.x), 0.1);
+    EXPECT_NEAR(circle->DoubleAttribute("cy"), animation.scale * (place.view.max_W.y - p.y), 0.1);
+  }
+  ASSERT_EQ(times.size(), 2u);
+  EXPECT_NEAR(times[0], 1.0, 1e-4);
+  EXPECT_NEAR(times[1], 2.5, 1e-4);
+}
+
 TEST(AnimationSvg, TheRobotIsWhereItWas) {
   constexpr double kSpeed = 2.0;
   const Animation animation = MovingAnimation(kSpeed);
@@ -264,9 +291,10 @@ Colour PixelAt(std::span<const std::byte> frame, int width, double x, double y) 
 }
 
 TEST(AnimationFrames, TheRobotIsWhereItWasAndTakesTheOutcomesColourAtTheEnd) {
+  EpisodeTrack driven = Wind("a", 1, 60, env::Outcome::kCollision);
+  driven.interventions = {30};
   const Animation animation =
-      PlaceAnimation(MakePanels(OpenSet(), {Wind("a", 1, 60, env::Outcome::kCollision)}, "x"),
-                     {.speed = 2.0, .hold = 1.0});
+      PlaceAnimation(MakePanels(OpenSet(), {driven}, "x"), {.speed = 2.0, .hold = 1.0});
   AnimationFrames frames(animation);
   ASSERT_EQ(frames.width(), animation.width);
   ASSERT_EQ(frames.height(), animation.height);
@@ -284,6 +312,12 @@ TEST(AnimationFrames, TheRobotIsWhereItWasAndTakesTheOutcomesColourAtTheEnd) {
     EXPECT_NEAR(colour_at(time, on_body).blue, 0.83, 0.03) << time;
     EXPECT_GT(colour_at(time, beside).red, 0.4) << time;
   }
+  const auto mark_at = [&](double time) {
+    const base::Vec2 p_R = base::InverseTransform(PoseAt(track, 2.0 * time), track.poses[30].p);
+    return colour_at(time, p_R).red;
+  };
+  EXPECT_LT(mark_at(1.45), 0.99) << "the floor, just before the robot is there";
+  EXPECT_GT(mark_at(2.5), 0.99) << "a guard's ring is white inside";
   const Colour red = OutcomeColour(env::Outcome::kCollision);
   const Colour end = colour_at(3.4, on_body);
   EXPECT_NEAR(end.red, red.red, 0.03);

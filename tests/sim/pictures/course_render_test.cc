@@ -16,10 +16,12 @@
 #include "sim/courses/motion.h"
 #include "sim/pictures/course_painter.h"
 #include "sim/pictures/course_text.h"
+#include "sim/pictures/guard_marks.h"
 
 namespace slalom::sim {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 /// A PNG read back.
@@ -90,6 +92,23 @@ TEST(CourseRender, PngHoldsTheOutcomesThatWereDrivenAndNoOthers) {
   EXPECT_LT(with.width(), 288 + 400);
   EXPECT_GT(with.height(), 864);
   EXPECT_LT(with.height(), 864 + 100);
+}
+
+TEST(CourseRender, MarksWhereAGuardChangedTheAction) {
+  const Course course = OpenCourse();
+  std::vector<EpisodeTrack> tracks = {StraightTrack(env::Outcome::kSuccess, -2.0, 9.8)};
+  const auto white = [&](std::vector<int> interventions) {
+    tracks[0].interventions = std::move(interventions);
+    return Picture(RenderCourse({&course, tracks}, PictureFormat::kPng)).Count({1.0, 1.0, 1.0});
+  };
+  const int one = white({3});
+  EXPECT_LT(one, white({}) - 50) << "the legend has a word for it";
+  // Each ring has a radius of 0.05 m at 64 pixels a metre, and its line takes a fifth of that.
+  EXPECT_NEAR((white({3, 8, 13}) - one) / 2.0, base::kPi * 2.56 * 2.56, 10.0);
+  // Poses are 0.49 m apart. Marks that would hide each other are left out.
+  tracks[0].interventions = {3, 4, 5};
+  EXPECT_THAT(GuardMarks(tracks[0], 0.48), ElementsAre(3, 4, 5));
+  EXPECT_THAT(GuardMarks(tracks[0], 0.5), ElementsAre(3, 5));
 }
 
 TEST(CourseRender, AreaOfObstaclesIsToScale) {
