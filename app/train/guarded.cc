@@ -22,6 +22,12 @@ struct GuardSection {
   }
 };
 
+void RequireRead(planners::GuardConfig guard) {
+  if (guard.enabled()) return;
+  GuardSection found{guard}, defaults;
+  config::RequireRead(config::ListFields(found), config::ListFields(defaults));
+}
+
 /// MPPI as it drives on the task, with maps that reach farther, and that never gives up.
 planners::GuidePlanner GuidePlannerOf(const sim::EnvironmentConfig& environment,
                                       const planners::GuardConfig& guard) {
@@ -71,16 +77,21 @@ planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment)
           .step = environment.episode.step};
 }
 
+std::unique_ptr<env::Agent> Guarded(std::unique_ptr<env::Agent> agent,
+                                    const planners::GuardConfig& guard,
+                                    const sim::EnvironmentConfig& environment) {
+  RequireRead(guard);
+  if (!guard.enabled()) return agent;
+  planners::GuardedRobot robot = GuardedRobotOf(environment);
+  robot.guide = GuidePlannerOf(environment, guard);
+  return std::make_unique<planners::GuardedAgent>(std::move(agent), guard, robot);
+}
+
 eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard) {
-  if (!guard.enabled()) {
-    GuardSection found{guard}, defaults;
-    config::RequireRead(config::ListFields(found), config::ListFields(defaults));
-    return make_agent;
-  }
+  RequireRead(guard);
+  if (!guard.enabled()) return make_agent;
   return [make_agent = std::move(make_agent), guard](const sim::CourseEnvironments& environments) {
-    planners::GuardedRobot robot = GuardedRobotOf(environments.config());
-    robot.guide = GuidePlannerOf(environments.config(), guard);
-    return std::make_unique<planners::GuardedAgent>(make_agent(environments), guard, robot);
+    return Guarded(make_agent(environments), guard, environments.config());
   };
 }
 

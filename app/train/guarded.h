@@ -1,5 +1,8 @@
 #pragma once
 
+#include <memory>
+
+#include "env/agent.h"
 #include "eval/evaluation.h"
 #include "planners/guard/guarded_agent.h"
 #include "planners/navigation/scan.h"
@@ -16,8 +19,13 @@ planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment)
 /// the longest delay. Not what nobody could tell it: gains, imbalance, errors of the odometry.
 planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment);
 
-/// Makers of the same agents, under a guard if it is enabled. Throws `base::Error` that names the
-/// key if it is not, but another of its keys is set.
+/// The agent itself or, if the guard is enabled, the agent under it, for robots of `environment`.
+/// Throws `base::Error` that names the key if it is not enabled, but another of its keys is set.
+std::unique_ptr<env::Agent> Guarded(std::unique_ptr<env::Agent> agent,
+                                    const planners::GuardConfig& guard,
+                                    const sim::EnvironmentConfig& environment);
+
+/// Makers of the same agents, likewise.
 eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard);
 
 }  // namespace slalom::train

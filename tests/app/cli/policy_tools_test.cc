@@ -8,6 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "app/train/guarded.h"
+#include "app/train/run_config.h"
+#include "base/config.h"
 #include "base/file.h"
 #include "base/random.h"
 #include "policy/network_agent.h"
@@ -52,21 +55,24 @@ policy::PolicySnapshot MakeSnapshot(const env::StateOptions& seen = {}) {
 struct Drive {
   std::string lines;                 // For `slalom act`, which is told of no action.
   std::vector<env::Action> actions;  // The agent's, from the simulator's own frames.
+  std::vector<bool> guarded;
 };
 
-/// Lets a policy drive two episodes of up to ten steps in `task`.
-Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::EnvironmentConfig& task) {
+/// Lets a policy drive two episodes of up to `num_steps` steps in `task`.
+Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::EnvironmentConfig& task,
+                    const planners::GuardConfig& guard = {}, int num_steps = 10) {
   base::Random random(4);
   sim::CourseEnvironments environments(task, {sim::MakeScene(RandomCourse(random, {}))}, 1,
                                        nullptr);
-  policy::NetworkAgent agent(policy);
+  const auto agent = train::Guarded(std::make_unique<policy::NetworkAgent>(policy), guard, task);
   const env::ObservationSpec& seen = policy.spec.observation;
+  const base::Pose2 X_MO = {{4.5e5, -5.2e6}, 2.0};  // A map that begins elsewhere.
   Drive drive;
   std::vector<env::StepResult> results(1);
   for (const std::uint64_t seed : {1, 2}) {
     environments.Reset(0, {0, seed});
     results = {{}};
-    for (int step = 0; step < 10 && !results[0].ended(); ++step) {
+    for (int step = 0; step < num_steps && !results[0].ended(); ++step) {
       const env::FrameView frame = environments.observations().frame(0);
       json line = {{"goal", {frame.state[0], frame.state[1]}}};
       for (const std::uint16_t range : frame.ranges_cm) line["ranges"].push_back(range / 100.0);
@@ -75,11 +81,18 @@ Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::Environment
         line["speeds"] = {policy.spec.actions.linear_mps(speeds),
                           policy.spec.actions.angular_radps(speeds)};
       }
+      if (guard.enabled()) {
+        const env::Odometry& odometry = environments.observations().odometry[0];
+        const base::Vec2 p_M = base::Transform(X_MO, odometry.X_OR.p);
+        line["pose"] = {p_M.x, p_M.y, X_MO.yaw + odometry.X_OR.yaw - 20.0 * base::kPi};
+        line["speeds"] = {odometry.linear, odometry.angular};
+      }
       if (seen.mounting) line["mounting"] = {task.lidar.offset_x, task.lidar.offset_y};
       if (seed == 2 && step == 0) line["first"] = true;
       drive.lines += line.dump() + "\n";
       env::Action& action = drive.actions.emplace_back();
-      agent.Act(environments.observations(), env::NumbersOf(std::span(&action, 1)));
+      agent->Act(environments.observations(), env::NumbersOf(std::span(&action, 1)));
+      drive.guarded.push_back(agent->Intervened(0));
       environments.Step(env::NumbersOf(std::span(&action, 1)), results);
     }
   }
@@ -95,9 +108,10 @@ class PolicyToolsTest : public ::testing::Test {
   }
 
   /// The program's answers to `lines`.
-  ProgramResult Act(const std::string& lines) {
+  ProgramResult Act(const std::string& lines, const std::string& more = "") {
     base::WriteFileAtomically(scratch_.path() / "lines", lines);
-    return RunShell("$SLALOM act --policy policy.safetensors < lines", scratch_.path());
+    return RunShell("$SLALOM act --policy policy.safetensors " + more + " < lines",
+                    scratch_.path());
   }
 
   ProgramResult Export(const std::string& more = "") {
@@ -186,6 +200,105 @@ TEST_F(PolicyToolsTest, ActDrivesSimulatedEpisodesAsTheAgentDoes) {
           << networks[i].name << ", case " << i << ", step " << k;
     }
   }
+}
+
+/// A policy of random weights for `task`.
+policy::PolicySnapshot RandomPolicyOf(const sim::EnvironmentConfig& task) {
+  policy::PolicySpec spec;
+  spec.observation = sim::MakeObservationSpec(task);
+  spec.network.encoder_layers = spec.network.head_layers = {8};
+  spec.actions = task.action;
+  return RandomPolicy(spec);
+}
+
+// Outside the simulator, too, a guard changes the actions that it would change inside.
+TEST_F(PolicyToolsTest, ActIsGuardedAsEvaluationsAre) {
+  struct Case {
+    planners::GuardConfig guard;
+    std::string options;
+  };
+  const std::vector<Case> cases = {
+      {{.shield = true}, "--set guard.shield=true --set environment.robot.command_delay=0.08"},
+      {{.shield = true, .margin = 0.1}, "--profile shield.toml --set guard.margin=0.1"},
+      {{.shield = true, .waypoints = true, .waypoint_after = 0.0},
+       "--profile shield.toml --set guard.waypoints=true --set guard.waypoint_after=0"}};
+  base::WriteFileAtomically(scratch_.path() / "shield.toml",
+                            "[guard]\nshield = true\n[environment.robot]\ncommand_delay = 0.08\n");
+  for (const Case& each : cases) {
+    sim::EnvironmentConfig task;
+    task.lidar.num_beams = 90;
+    task.lidar.offset_x = -0.05;
+    task.observation.commands = 2;
+    const policy::PolicySnapshot policy = RandomPolicyOf(task);
+    // The robot of the training is another one: it has no delay, and its friction is drawn.
+    train::RunConfig trained;
+    trained.environment = task;
+    config::SetField("environment.randomize", "{\"robot.wheel_friction\" = [0.2, 0.9]}", "test",
+                     config::ListFields(trained));
+    policy::SavePolicy(scratch_.path() / "policy.safetensors", policy,
+                       {{"config", config::ToToml(trained)}});
+    task.robot.command_delay = 0.08;
+    const Drive drive = DriveEpisodes(policy, task, each.guard, 60);
+    const auto num_guarded = std::ranges::count(drive.guarded, true);
+    ASSERT_GT(num_guarded, 0) << each.options;
+    ASSERT_LT(num_guarded, std::ssize(drive.guarded)) << each.options;
+    const ProgramResult result = Act(drive.lines, each.options);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    std::istringstream answers(result.out);
+    for (std::size_t k = 0; k < drive.actions.size(); ++k) {
+      std::string line;
+      ASSERT_TRUE(std::getline(answers, line));
+      const json answer = json::parse(line);
+      EXPECT_EQ(answer["guarded"].get<bool>(), drive.guarded[k]) << each.options << ", step " << k;
+      EXPECT_NEAR(answer["action"][0].get<float>(), drive.actions[k].linear, 1e-5)
+          << each.options << ", step " << k;
+      EXPECT_NEAR(answer["action"][1].get<float>(), drive.actions[k].angular, 1e-5)
+          << each.options << ", step " << k;
+    }
+  }
+}
+
+TEST_F(PolicyToolsTest, AGuardNeedsTheOdometryAndWithoutOneItIsPassedOver) {
+  sim::EnvironmentConfig task;
+  task.lidar.num_beams = kNumBeams;
+  train::RunConfig trained;
+  trained.environment = task;
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", RandomPolicyOf(task),
+                     {{"config", config::ToToml(trained)}});
+  const std::string ranges = R"({"ranges": [1, 1, 1, 1, 1, 1], )";
+  const std::string on = "--set guard.shield=true";
+  const std::string good = ranges + R"("goal": [2, 0], "pose": [7, -8, 9], "speeds": [0, 0]})"
+                                    "\n";
+  EXPECT_THAT(Act(good, on).out, HasSubstr("\"guarded\":"));
+  const ProgramResult alone = Act(good);
+  EXPECT_EQ(alone.exit_code, 0) << alone.err;
+  EXPECT_THAT(alone.out, ::testing::Not(HasSubstr("guarded")));
+  EXPECT_THAT(Act(good, on + " --set guard.shield=false").out, ::testing::StrEq(alone.out));
+
+  const auto refuses = [&](const std::string& line, const std::string& options,
+                           const std::string& expected) {
+    const ProgramResult result = Act(ranges + line + "\n", options);
+    EXPECT_EQ(result.exit_code, 1) << line << options;
+    EXPECT_THAT(result.err, HasSubstr(expected));
+    EXPECT_THAT(result.out, IsEmpty());
+  };
+  refuses(R"("goal": [2, 0], "speeds": [0, 0]})", on, "pose: is missing, expected 3 numbers");
+  refuses(R"("goal": [2, 0], "pose": [0, 0, 0]})", on, "speeds: is missing, expected 2 numbers");
+  refuses(R"("goal": [2, 0], "pose": [0, 0], "speeds": [0, 0]})", on,
+          "pose: found 2 numbers, expected 3");
+  refuses(R"("goal": [900, 0], "pose": [0, 0, 0], "speeds": [0, 0]})", "--set guard.waypoints=true",
+          "goal: found 900 m, expected at most 100 m from the robot");
+  const std::string any = R"("goal": [2, 0]})";
+  refuses(any, "--set guard.margin=0.1", "guard.margin is 0.1, expected its default 0.04");
+  refuses(any, "--set environment.robot.length=0.6",
+          "--set environment.robot.length=0.6: expected --set guard.shield=true");
+  refuses(any, "--set run.seed=3", "--set run.seed=3: expected a key of [guard]");
+  refuses(any, on + " --set environment.lidar.num_beams=12", "policy.safetensors: ");
+  refuses(any, on + " --set environment.lidar.field_of_view=3",
+          "environment.lidar.field_of_view is 3 rad");
+  const std::string jump = ranges + R"("goal": [2, 0], "pose": [2e5, 0, 1e30], "speeds": [0, 0]})";
+  EXPECT_THAT(Act(good + jump + "\n", on).err, HasSubstr("line 2: pose: found 199993 m, expected"));
+  EXPECT_EQ(Act(jump + "\n", on).exit_code, 0) << "any frame";
 }
 
 TEST_F(PolicyToolsTest, ActReadsWhatMeansNoEcho) {
