@@ -66,6 +66,7 @@ struct Request {
   std::string courses;
   std::vector<std::string> profiles;
   Settings task;
+  std::optional<Settings> guard;  ///< None: no guard, whatever profiles say.
   Settings rules;
   std::string collection;
   std::uint64_t generator_seed = 1;
@@ -76,8 +77,11 @@ struct Request {
   template <class Config>
   void LayOver(Config& config) const {
     for (const auto& [key, value] : task) eval::RefuseRuleOfTask(key);
-    config.environment = TaskOf(config.environment, profiles, task);
+    Task laid = TaskOf({config.environment, config.guard}, profiles, task);
+    config.environment = std::move(laid.environment);
+    config.guard = guard ? laid.guard : planners::GuardConfig{};
     const config::FieldList fields = config::ListFields(config);
+    if (guard) LaySettings(*guard, fields);
     for (const auto& [key, value] : rules) config::SetField(key, value, key, fields);
     config.courses.collection = collection;
     config::SetField("courses.generator_seed", std::to_string(generator_seed),
@@ -184,16 +188,18 @@ void DefineEvaluation(py::module_& module) {
   using train::Scores;
   py::class_<Request>(module, "Request")
       .def(py::init([](std::string name, std::string courses, std::vector<std::string> profiles,
-                       Settings task, Settings rules, std::string collection,
-                       std::uint64_t generator_seed, int num_threads, std::string physics) {
+                       Settings task, std::optional<Settings> guard, Settings rules,
+                       std::string collection, std::uint64_t generator_seed, int num_threads,
+                       std::string physics) {
              RequireThreads(num_threads);
-             return Request{std::move(name), std::move(courses), std::move(profiles),
-                            std::move(task), std::move(rules),   std::move(collection),
-                            generator_seed,  num_threads,        std::move(physics)};
+             return Request{std::move(name),       std::move(courses), std::move(profiles),
+                            std::move(task),       std::move(guard),   std::move(rules),
+                            std::move(collection), generator_seed,     num_threads,
+                            std::move(physics)};
            }),
            py::kw_only(), py::arg("name"), py::arg("courses"), py::arg("profiles"),
-           py::arg("settings"), py::arg("rules"), py::arg("collection"), py::arg("generator_seed"),
-           py::arg("threads"), py::arg("physics"));
+           py::arg("settings"), py::arg("guard"), py::arg("rules"), py::arg("collection"),
+           py::arg("generator_seed"), py::arg("threads"), py::arg("physics"));
   py::class_<Scores>(module, "Scores")
       .def("text", [](const Scores& self) { return eval::TextReport(self.evaluation); })
       .def("json",

@@ -68,7 +68,7 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
   }
   RequireThreads(num_threads);
   VectorConfig config;
-  config.environment = TaskOf({}, profiles, settings);
+  config.environment = TaskOf({}, profiles, settings).environment;
   config.courses = sim::ResolveCourses(courses, collection, generator_seed);
   config.num_environments = num_environments;
   config.num_threads = num_threads;

@@ -9,6 +9,7 @@
 
 #include "base/config.h"
 #include "base/error.h"
+#include "planners/guard/guard_config.h"
 #include "sim/environment_config.h"
 
 namespace slalom::python {
@@ -16,13 +17,15 @@ namespace slalom::python {
 /// Keys as in a config file, and their values as TOML.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
-/// The keys of the task, which a file or keywords may set.
+/// The keys of the task, which a file or keywords may set, and of a guard of what drives it.
 struct Task {
   sim::EnvironmentConfig environment;
+  planners::GuardConfig guard;
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("environment", environment, "The task.");
+    v.Section("guard", guard, "A check of each action before the robot gets it.");
   }
 };
 
@@ -35,15 +38,12 @@ inline void LaySettings(Settings settings, const config::FieldList& fields) {
   for (const auto& [key, value] : settings) config::SetField(key, value, key, fields);
 }
 
-/// The task by `defaults`, the files and the settings, each laid over the ones before.
-inline sim::EnvironmentConfig TaskOf(const sim::EnvironmentConfig& defaults,
-                                     const std::vector<std::string>& profiles,
-                                     const Settings& settings) {
-  Task task{defaults};
+/// `task` under the files and the settings, each laid over the ones before.
+inline Task TaskOf(Task task, const std::vector<std::string>& profiles, const Settings& settings) {
   const config::FieldList fields = config::ListFields(task);
   for (const std::string& file : profiles) config::ReadTomlFile(file, fields);
   LaySettings(settings, fields);
-  return task.environment;
+  return task;
 }
 
 /// Throws `base::Error` unless a pool can have so many threads.

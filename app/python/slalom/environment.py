@@ -417,7 +417,7 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     simulator's memory, which the next `step` or `reset` overwrites ("frame" only).
     threads: threads that step. They change the speed, not the episodes.
     profile: TOML files whose [environment] is laid over the defaults, such as
-    "configs/real-robot.toml".
+    "configs/real-robot.toml". Their [guard] is passed over: there is no agent to guard.
     collection, generator_seed: as in docs/courses.md.
     physics: "slalom", "ode" or "mujoco".
     render_mode: "rgb_array" for pictures of what the robots see (`render`).

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _slalom
 from ._copies import NotCopied
-from .environment import NameOrPath, _seed, _settings, _toml
+from .environment import NameOrPath, _flat, _seed, _settings, _toml
 from .policy import Policy
 from .results import _rows
 
@@ -55,12 +55,24 @@ class Evaluation(NotCopied):
         self.directory = os.fspath(directory)
 
 
+def _guard(guard):
+    """Returns (key, TOML) for each key of [guard] that is given; None if nothing shall be guarded."""
+    if guard is None:
+        return []
+    if isinstance(guard, (bool, np.bool_)):
+        return _flat("guard", {"shield": True, "waypoints": True}) if guard else None
+    if not isinstance(guard, dict):
+        raise TypeError(f"guard is {guard!r}, expected True, False or a dictionary of keys of [guard], such as "
+                        f"{{'shield': True}}")
+    return _flat("guard", guard)
+
+
 def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
              courses: NameOrPath = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
              protocol: str = "paper", observation: Literal["frame", "vector"] = "frame",
              threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
              generator_seed: int = 1, physics: str = "slalom",
-             evaluation: dict[str, Any] | None = None,
+             evaluation: dict[str, Any] | None = None, guard: bool | dict[str, Any] | None = None,
              **sections: dict[str, Any] | float) -> Evaluation:
     """Drives `episodes` episodes on each course and returns an `Evaluation`.
 
@@ -73,6 +85,10 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
     seed: the same seed gives every agent the same episodes, those of `slalom evaluate --seed`.
     protocol: "paper", "dwa-runs" or "barn-challenge" (docs/evaluation.md).
     evaluation: other keys of [evaluation], for example {"time_limit": 40.0}.
+    guard: True puts the agent under a guard (docs/safety.md) with shield and waypoints, as the profile
+    "configs/guarded.toml" does. A dictionary has the keys of [guard], for example
+    {"shield": True, "margin": 0.06}. They are laid over the profile's; False is without a guard,
+    whatever the profile says.
     The rest is as in `make_vec`. A policy drives the task that it was trained for, under the
     profile and the keys given here. If it was trained on some of the courses, a warning and every
     report of the scores say on how many.
@@ -85,7 +101,7 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
                 else getattr(agent, "__name__", type(agent).__name__))
     request = _slalom.Request(
         name=name, courses=os.fspath(courses), profiles=[os.fspath(p) for p in profiles],
-        settings=_settings(sections),
+        settings=_settings(sections), guard=_guard(guard),
         rules=[(f"evaluation.{key}", _toml(value)) for key, value in rules.items()],
         collection=os.fspath(collection), generator_seed=_seed(generator_seed, "generator_seed"),
         threads=threads, physics=physics)

@@ -17,6 +17,7 @@ import slalom
 
 ROOT = os.path.join(os.path.dirname(__file__), "..", "..", "..")
 COURSES = "static-train-5"
+GUARDED = os.path.join(ROOT, "configs", "guarded.toml")
 
 
 def drive(environments, seed, steps, actions_seed=0):
@@ -298,6 +299,10 @@ class VectorEnvironmentTest(unittest.TestCase):
         environments = slalom.make_vec(COURSES, num_envs=1, profile=profile)
         self.assertNotEqual(environments.config, slalom.make_vec(COURSES, num_envs=1).config)
 
+    def test_passes_over_the_guard_of_a_profile(self):
+        guarded = slalom.make_vec(COURSES, num_envs=1, profile=GUARDED)
+        self.assertEqual(guarded.config, slalom.make_vec(COURSES, num_envs=1).config)
+
 
 class RenderTest(unittest.TestCase):
     def test_shows_what_the_robot_sees(self):
@@ -547,6 +552,17 @@ class PolicyTest(unittest.TestCase):
             with self.assertRaisesRegex(slalom.Error, "holds an evaluation already"):
                 as_function.write(output)
 
+    def test_is_guarded_as_the_program_guards_it(self):
+        import json
+        done = subprocess.run([os.environ["SLALOM_PROGRAM"], "evaluate", "--policy", self.path, "--courses", COURSES,
+                               "--episodes", "2", "--profile", GUARDED, "--set", "guard.margin=0.2", "--json"],
+                              check=True, capture_output=True, text=True)
+        expected = json.loads(done.stdout)
+        found = slalom.evaluate(self.policy, COURSES, episodes=2, profile=GUARDED, guard={"margin": 0.2}).report
+        self.assertEqual(found["provenance"]["config"], expected["provenance"]["config"])
+        self.assertEqual(found["courses"], expected["courses"])
+        self.assertGreater(sum(sum(course["interventions_per_episode"]) for course in found["courses"]), 0)
+
 
 class ReadTest(unittest.TestCase):
     def rows(self, directory, table):
@@ -667,6 +683,31 @@ class EvaluateTest(unittest.TestCase):
         for key in expected:
             if key != "provenance":
                 self.assertEqual(found.report[key], expected[key], key)
+
+    def test_guards_any_agent(self):
+        def straight(observation, first):
+            return np.tile([1.0, 0.0], (len(first), 1))
+
+        def score(**settings):
+            return slalom.evaluate(straight, COURSES, episodes=2, evaluation={"time_limit": 10.0}, **settings)
+
+        alone = score()
+        self.assertGreater(alone.report["collision_rate"], 0.5)
+        shielded = score(guard={"shield": True, "margin": 0.06})
+        self.assertEqual(shielded.report["collision_rate"], 0.0)
+        self.assertEqual(shielded.report["agent"]["name"], "straight, guarded")
+        self.assertGreater(sum(episode["interventions"] for episode in shielded.episodes()), 0)
+        guarded = score(guard=True)
+        self.assertEqual(score(profile=GUARDED).report["courses"], guarded.report["courses"])
+        self.assertEqual(score(profile=GUARDED, guard={"margin": 0.06, "waypoints": False}).report["courses"],
+                         shielded.report["courses"])
+        self.assertEqual(score(profile=GUARDED, guard=False).report["courses"], alone.report["courses"])
+        with self.assertRaisesRegex(slalom.Error, "guard.margin is 0.1, expected its default 0.04"):
+            score(guard={"margin": 0.1})
+        with self.assertRaisesRegex(slalom.Error, "guard.shiel.*did you mean 'guard.shield'"):
+            score(guard={"shiel": True})
+        with self.assertRaisesRegex(TypeError, "guard is 5, expected True, False or a dictionary"):
+            score(guard=5)
 
     def test_passes_errors_on(self):
         def broken(observation, first):
