@@ -229,7 +229,7 @@ float Shield::Clearance(Twist command) const {
 
 Shield::Choice Shield::Choose(Twist wanted) {
   const auto send = [this](const Choice& choice) {
-    std::ranges::rotate(sent_, sent_.end() - 1);
+    std::shift_right(sent_.begin(), sent_.end(), 1);
     sent_.front() = choice.command;
     return choice;
   };
