@@ -17,7 +17,7 @@ constexpr int kAngularChoices = 13;  // Odd, so that one drives straight ahead.
 constexpr double kKeptBeyond = 2.0;  // Points are kept up to so far beyond those that matter, [m].
 constexpr double kStands = 0.01;     // A robot that moves less in a step stands, [m] and [rad].
 constexpr double kMaxBraking = 3.0;  // [s]
-constexpr float kSpacing = 0.015f;   // Points that are closer together count as one, [m].
+constexpr double kSpacing = 0.015f;  // Points that are closer together count as one, [m].
 constexpr int kSameSurfaceCm = 10;   // Neighbours whose ranges differ by less are of one surface.
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
@@ -56,7 +56,8 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       half_width_(static_cast<float>(0.5 * robot.width)),
       around_(Around(robot)),
       reach_(LongestWay(robot, step) + Around(robot) + config.margin),
-      kept_(reach_ + kKeptBeyond) {
+      kept_(reach_ + kKeptBeyond),
+      cos_view_(std::cos(0.5 * geometry.field_of_view)) {
   SLALOM_CHECK_GE(geometry.num_beams, 2);
   const double spacing = geometry.field_of_view / (geometry.num_beams - 1);
   for (int i = 0; i < geometry.num_beams; ++i) {
@@ -105,9 +106,7 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   moves_ = base::Norm(odometry.X_OR.p - X_OR_.p) > kStands ||
            std::abs(base::WrapAngle(odometry.X_OR.yaw - X_OR_.yaw)) > kStands;
   X_OR_ = odometry.X_OR;
-  SmoothRanges(ranges_cm);
-  Remember(ranges_cm);
-  LookAround();
+  LookAround(ranges_cm);
 
   // What the odometry does not tell is how it was predicted: slip to the side, and the wheels.
   start_ = now_;
@@ -128,58 +127,54 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   }
 }
 
-/// Each range is the median of those of its neighbours that lie on the same surface. So a beam that
+/// The median of a range and of its neighbours that lie on the same surface, [m]. So a beam that
 /// noise alone brought near moves back, and a pole that one beam hits stays.
-void Shield::SmoothRanges(std::span<const std::uint16_t> ranges_cm) {
-  const int num_beams = static_cast<int>(ranges_cm.size());
-  ranges_.resize(ranges_cm.size());
-  for (int i = 0; i < num_beams; ++i) {
-    // The neighbours of the same surface in order of their ranges, each put in its place.
-    std::array<int, 5> sorted{};
-    int count = 0;
-    for (int k = std::max(i - 2, 0); k <= std::min(i + 2, num_beams - 1); ++k) {
-      if (std::abs(ranges_cm[k] - ranges_cm[i]) > kSameSurfaceCm) continue;
-      int place = count++;
-      for (; place > 0 && sorted[place - 1] > ranges_cm[k]; --place)
-        sorted[place] = sorted[place - 1];
-      sorted[place] = ranges_cm[k];
-    }
-    ranges_[i] = 0.005f * static_cast<float>(sorted[(count - 1) / 2] + sorted[count / 2]);
+double Shield::Smoothed(std::span<const std::uint16_t> ranges_cm, int beam) const {
+  std::array<int, 5> sorted{};
+  int count = 0;
+  const int last = std::min(beam + 2, geometry_.num_beams - 1);
+  for (int k = std::max(beam - 2, 0); k <= last; ++k) {
+    if (std::abs(ranges_cm[k] - ranges_cm[beam]) > kSameSurfaceCm) continue;
+    int place = count++;
+    for (; place > 0 && sorted[place - 1] > ranges_cm[k]; --place)
+      sorted[place] = sorted[place - 1];
+    sorted[place] = ranges_cm[k];
   }
+  return 0.005 * (sorted[(count - 1) / 2] + sorted[count / 2]);
 }
 
 /// Takes the near points of the scan, and keeps those seen before in directions where the range
-/// finder does not look now.
-void Shield::Remember(std::span<const std::uint16_t> ranges_cm) {
-  const base::Vec2 p_RC{robot_.centre_x, robot_.centre_y};
-  std::erase_if(points_, [&](Point& point) {
-    if ((point.age += moves_) > memory_steps_) return true;
-    const base::Vec2 p_R = base::InverseTransform(X_OR_, point.p_O);
-    if (base::Norm(p_R - p_RC) > kept_) return true;
-    const base::Vec2 p_S = p_R - geometry_.p_RS;
-    return std::abs(std::atan2(p_S.y, p_S.x)) <= 0.5 * geometry_.field_of_view;
-  });
-  const double reach = kept_ + base::Norm(geometry_.p_RS - p_RC);
-  const auto longest = static_cast<std::uint16_t>(100.0 * std::min(reach, geometry_.clip - 0.005));
-  base::Vec2 last{1e9, 1e9};
-  for (std::size_t i = 0; i < ranges_cm.size(); ++i) {
-    if (ranges_cm[i] > longest) continue;
-    const base::Vec2 p_R = geometry_.p_RS + ranges_[i] * directions_R_[i];
-    if (base::Norm(p_R - last) < kSpacing || base::Norm(p_R - p_RC) > kept_) continue;
-    last = p_R;
-    points_.push_back({base::Transform(X_OR_, p_R), 0});
-  }
-}
-
-void Shield::LookAround() {
+/// finder does not look now. Lists those that matter, the nearest first.
+void Shield::LookAround(std::span<const std::uint16_t> ranges_cm) {
   near_.clear();
-  const auto [s, c] = base::SinCos(X_OR_.yaw);
-  for (const Point& point : points_) {
-    const base::Vec2 d = point.p_O - X_OR_.p;
-    const auto x = static_cast<float>(c * d.x + s * d.y - robot_.centre_x);
-    const auto y = static_cast<float>(c * d.y - s * d.x - robot_.centre_y);
+  const base::SinCosResult yaw = base::SinCos(X_OR_.yaw);
+  const auto matters = [&](base::Vec2 p_R) {
+    const auto x = static_cast<float>(p_R.x - robot_.centre_x);
+    const auto y = static_cast<float>(p_R.y - robot_.centre_y);
     const float distance = std::sqrt(x * x + y * y);
     if (distance <= static_cast<float>(reach_)) near_.push_back({x, y, distance});
+    return distance <= static_cast<float>(kept_);
+  };
+  std::erase_if(points_, [&](Point& point) {
+    if ((point.age += moves_) > memory_steps_) return true;
+    const base::Vec2 d = point.p_O - X_OR_.p;
+    const base::Vec2 p_R = {yaw.cos * d.x + yaw.sin * d.y, yaw.cos * d.y - yaw.sin * d.x};
+    const base::Vec2 p_S = p_R - geometry_.p_RS;
+    if (p_S.x >= cos_view_ * base::Norm(p_S)) return true;  // It is looked at.
+    return !matters(p_R);
+  });
+  const double reach = kept_ + base::Norm(geometry_.p_RS) + around_;
+  const int longest = static_cast<int>(100.0 * std::min(reach, geometry_.clip - 0.005));
+  base::Vec2 last{1e9, 1e9};
+  for (int i = 0; i < geometry_.num_beams; ++i) {
+    if (ranges_cm[i] > longest) continue;
+    const base::Vec2 p_R = geometry_.p_RS + Smoothed(ranges_cm, i) * directions_R_[i];
+    const base::Vec2 way = p_R - last;
+    if (base::Dot(way, way) < kSpacing * kSpacing || !matters(p_R)) continue;
+    last = p_R;
+    points_.push_back(
+        {X_OR_.p + base::Vec2{yaw.cos * p_R.x - yaw.sin * p_R.y, yaw.sin * p_R.x + yaw.cos * p_R.y},
+         0});
   }
   std::ranges::sort(near_, {}, &NearPoint::distance);
 }

@@ -65,9 +65,8 @@ class Shield {
 
   Twist CommandAt(int tick) const;
   void Drive(int begin, int end);
-  void Remember(std::span<const std::uint16_t> ranges_cm);
-  void SmoothRanges(std::span<const std::uint16_t> ranges_cm);
-  void LookAround();
+  double Smoothed(std::span<const std::uint16_t> ranges_cm, int beam) const;
+  void LookAround(std::span<const std::uint16_t> ranges_cm);
   Lanes RoomAt(const Motion& motion) const;
   Lanes RoomOf(const Lanes& linear, const Lanes& angular) const;
 
@@ -79,12 +78,12 @@ class Shield {
   const DriveModel drive_;
   const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
   const double reach_, kept_;             // How far from C points matter, and are kept, [m].
+  const double cos_view_;                 // Of half the field of view.
   std::vector<base::Vec2> directions_R_;  // [N], of length 1.
   std::vector<Twist> grid_;               // Commands to fall back on.
 
   base::Pose2 X_OR_;
   bool moves_ = false;
-  std::vector<float> ranges_;    // [N] [m]
   std::vector<Point> points_;    // Near the robot: those of the scan, and remembered ones.
   std::vector<NearPoint> near_;  // The same, the nearest first.
   std::vector<Twist> sent_;      // Commands that the drive may not act on yet, the newest first.
