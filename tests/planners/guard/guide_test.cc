@@ -151,7 +151,9 @@ TEST(GuideTest, APlannerDrivesWhereTheRobotStands) {
       if (!advice.command) continue;
       if (begins < 0) begins = i;
       ++num_commands;
-      if (i > begins) EXPECT_GT(advice.command->linear, 0.0);
+      if (i > begins) {
+        EXPECT_GT(advice.command->linear, 0.0);
+      }
     }
     EXPECT_GE(begins, 10);
     EXPECT_LE(begins, 13);
