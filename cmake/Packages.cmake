@@ -35,8 +35,8 @@ if(SLALOM_PYTHON_PACKAGE)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS slalom)
 
-  # find_package(slalom): the simulator, the replay buffer and policies that drive, for C++ programs and shared objects.
-  set(libraries base config env courses sim replay nn_inference policy_file policy_actor)
+  # find_package(slalom): the simulator, the replay buffer, policies that drive and their guard, for C++ programs and shared objects.
+  set(libraries base config env courses sim planners replay nn_inference policy_file policy_actor)
   list(TRANSFORM libraries PREPEND slalom_ OUTPUT_VARIABLE targets)
   add_custom_target(slalom_libraries DEPENDS ${targets})
   install(TARGETS ${targets} EXPORT slalom ARCHIVE DESTINATION lib/slalom COMPONENT development
@@ -48,8 +48,8 @@ if(SLALOM_PYTHON_PACKAGE)
     DESTINATION lib/cmake/slalom COMPONENT development)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libslalom-dev)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-  set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "C++ libraries of Slalom: simulator, replay buffer, and policies that drive")
-  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libfmt-dev, libspdlog-dev, nlohmann-json3-dev, libbox2d-dev, libtinyxml2-dev, libtomlplusplus-dev, libxxhash-dev, pkg-config")
+  set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "C++ libraries of Slalom: simulator, replay buffer, planners, and policies that drive")
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libfmt-dev, libspdlog-dev, nlohmann-json3-dev, libbox2d-dev, libtinyxml2-dev, libtomlplusplus-dev, libxxhash-dev, pkg-config")
 else()
   set(CPACK_COMPONENTS_ALL program)
   slalom_install_notices(share/doc/slalom program)

@@ -45,12 +45,25 @@ build/drive ../runs/quickstart/policy.safetensors | tee commands
 [ "$(grep -c 'm/s' commands)" = 3 ]
 build/store
 """
-# The other two libraries.
+# The other libraries, and the guard of docs/robot.md.
 STORE = """
+#include <array>
+
+#include "policy/network_agent.h"
 #include "replay/table.h"
 #include "sim/environments.h"
 
+std::unique_ptr<slalom::env::Agent> Guarded(std::unique_ptr<slalom::policy::PolicyAgent> policy);
+
 int main() {
+  slalom::policy::PolicySpec driver;
+  const auto agent = Guarded(std::make_unique<slalom::policy::NetworkAgent>(slalom::policy::ZeroSnapshot(driver)));
+  slalom::env::ObservationBatch wall;
+  wall.Resize(1, driver.observation.num_beams);
+  wall.ranges_cm.assign(wall.ranges_cm.size(), 25);
+  std::array<float, 2> action{};
+  agent->Act(wall, action);
+  if (!agent->Intervened(0)) return 2;
   const auto spec = slalom::sim::MakeObservationSpec(slalom::sim::EnvironmentConfig{});
   slalom::replay::Table table({.capacity = 100}, spec.num_beams);
   table.Insert(slalom::replay::Chunk(spec.num_beams));
@@ -60,12 +73,14 @@ int main() {
 
 
 def write_program(directory):
-    blocks = dict(re.findall(r"```(cmake|cpp)\n(.*?)```", (ROOT / "docs/robot.md").read_text(), re.S))
+    cmake, drive, guard = re.findall(r"```(?:cmake|cpp)\n(.*?)```", (ROOT / "docs/robot.md").read_text(), re.S)
     directory.mkdir()
-    (directory / "drive.cc").write_text(blocks["cpp"])
+    (directory / "drive.cc").write_text(drive)
+    (directory / "guard.cc").write_text(guard)
     (directory / "store.cc").write_text(STORE)
-    (directory / "CMakeLists.txt").write_text(blocks["cmake"] + "add_executable(store store.cc)\n"
-                                              "target_link_libraries(store PRIVATE slalom::sim slalom::replay)\n"
+    (directory / "CMakeLists.txt").write_text(cmake + "add_executable(store store.cc guard.cc)\n"
+                                              "target_link_libraries(store PRIVATE slalom::sim slalom::replay\n"
+                                              "  slalom::policy_actor slalom::planners)\n"
                                               "add_library(shared SHARED drive.cc)\n"
                                               "target_link_libraries(shared PRIVATE slalom::policy_actor)\n")
 
