@@ -1,6 +1,6 @@
-# Only what drives by a policy (SLALOM_ACTING_ONLY): the folders that `slalom_policy_actor` stands on, without LibTorch. Of other
-# libraries only headers are used, so that a program for another processor needs the cross compiler and no package for that
-# processor, and a robot needs nothing but the program.
+# Only what drives by a policy, guarded or not (SLALOM_ACTING_ONLY): the folders that `slalom_policy_actor` and `slalom_planners`
+# stand on, without LibTorch. Of other libraries only headers are used, so that a program for another processor needs the cross
+# compiler and no package for that processor, and a robot needs nothing but the program.
 set(SLALOM_TORCH OFF)
 find_package(Threads REQUIRED)
 
@@ -15,8 +15,11 @@ slalom_add_header_only(fmt::fmt fmt/format.h DEFINITIONS FMT_HEADER_ONLY)
 slalom_add_header_only(spdlog::spdlog spdlog/spdlog.h)
 slalom_add_header_only(nlohmann_json::nlohmann_json nlohmann/json.hpp)
 slalom_add_header_only(PkgConfig::XXHASH xxhash.h DEFINITIONS XXH_INLINE_ALL)
+find_path(eigen Eigen/Core PATHS /usr/include/eigen3 REQUIRED NO_CACHE)
+add_library(Eigen3::Eigen INTERFACE IMPORTED GLOBAL)
+target_include_directories(Eigen3::Eigen INTERFACE ${eigen})
 
-foreach(folder base env policy)
+foreach(folder base env planners policy)
   add_subdirectory(${folder})
 endforeach()
 
