@@ -10,6 +10,7 @@
 #include "learner/actor_critic.h"
 #include "learner/deterministic_actor.h"
 #include "learner/gaussian_actor.h"
+#include "learner/method.h"
 #include "learner/noise.h"
 #include "policy/nn/feature_map.h"
 #include "tests/learner/every_encoder.h"

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "sim/mass_distribution.h"
 #include "sim/skid_steering.h"
 #include "tests/sim/reference_drive.h"
 

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "sim/courses/barn_field.h"
 #include "sim/pictures/animation_frames.h"
 #include "sim/pictures/animation_svg.h"
 #include "sim/pictures/course_painter.h"
