@@ -58,7 +58,7 @@ class ServerMetrics {
 
   metrics::Registry& registry_;
   const ReplayServerSpec& spec_;
-  std::vector<metrics::Counter> messages_;
+  std::vector<metrics::Counter> messages_, refusals_;  // By kind, and by code.
 
   Time shown_;
   std::int64_t shown_steps_ = 0;
