@@ -163,6 +163,9 @@ class LineDriver {
       if (field.num_items(spec_.observation) == 0) continue;
       writer.Write(i, Numbers(given, field.name, field.numbers.size()), state);
     }
+    if (shows_way_) {
+      RequireNear("goal", {state[0], state[1]}, kFarthestGoal, "the robot (guard.waypoints)");
+    }
     if (given.contains("last_action")) {
       const std::vector<double> action = Numbers(given, "last_action", env::kActionSize);
       last_.front() = {static_cast<float>(action[0]), static_cast<float>(action[1])};
@@ -233,10 +236,6 @@ class LineDriver {
                               base::WrapAngle(X_WR.yaw - X_WO_.yaw)};
     RequireNear("pose", X_OR.p, kFarthestPose, "the first pose of the episode");
     observations_.odometry[0] = {X_OR, speeds[0], speeds[1]};
-    const std::vector<double> goal = Numbers(given, "goal", 2);
-    if (shows_way_) {
-      RequireNear("goal", {goal[0], goal[1]}, kFarthestGoal, "the robot (guard.waypoints)");
-    }
   }
 
   static void RequireNear(const char* key, base::Vec2 p, double reach, const char* of) {

@@ -108,8 +108,9 @@ void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList&
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
-  for (const std::string& file : options.profiles)
+  for (const std::string& file : options.profiles) {
     train::LayProfile(file, config.environment, config.guard);
+  }
   const auto fields = config::ListFields(config);
   for (const std::string& assignment : options.overrides) {
     eval::RefuseRuleOfTask(assignment.substr(0, assignment.find('=')));

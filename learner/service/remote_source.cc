@@ -15,9 +15,19 @@
 #include "replay/sample_bytes.h"
 
 namespace slalom::learner {
+namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
+
+// Longest wait for a batch before policies are looked after.
+constexpr milliseconds kBatchWait{5};
+
+// A wait without a batch after which the learner is not well, [s]. Longer than a restart of the
+// replay server takes.
+constexpr double kPatience = 10.0;
+
+}  // namespace
 
 BatchStream::BatchStream(transport::Context& context, const transport::ClientOptions& replay,
                          proto::Hello hello, const env::StepShape& shape,
@@ -134,20 +144,6 @@ void BatchStream::SetPriorities(std::span<const std::int64_t> sequence,
 void BatchStream::AskStatus() {
   if (link_.welcomed()) static_cast<void>(link_.Send(proto::StatusRequest{}));
 }
-
-namespace {
-
-using std::chrono::milliseconds;
-using std::chrono::steady_clock;
-
-// Longest wait for a batch before policies are looked after.
-constexpr milliseconds kBatchWait{5};
-
-// A wait without a batch after which the learner is not well, [s]. Longer than a restart of the
-// replay server takes.
-constexpr double kPatience = 10.0;
-
-}  // namespace
 
 StreamMetrics::StreamMetrics(metrics::Registry& registry)
     : registry_(registry),
