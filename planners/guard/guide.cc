@@ -7,11 +7,10 @@
 namespace slalom::planners {
 namespace {
 
-constexpr double kProgress = 0.3;  // What counts as getting on, [m].
-constexpr double kTurnRate = 1.5;  // Of a turn on the spot, [rad/s].
-constexpr double kTurnedTo = 0.6;  // It ends when the waypoint is that far to the side, [rad].
-constexpr double kPathPatience =
-    2.0;  // Times `rescue_after`, until a way that is no shorter counts.
+constexpr double kProgress = 0.3;      // What counts as getting on, [m].
+constexpr double kTurnRate = 1.5;      // Of a turn on the spot, [rad/s].
+constexpr double kTurnedTo = 0.6;      // It ends when the waypoint is that far to the side, [rad].
+constexpr double kPathPatience = 2.0;  // Times `rescue_after`: how long a way may be no shorter.
 
 }  // namespace
 
@@ -67,38 +66,26 @@ Guide::Advice Guide::See(std::span<const std::uint16_t> ranges_cm, const env::Od
     --num_rescue_steps_;
     return {.command = command};
   }
-  if (IsStuck(X_OR.p)) {
+  const Way way = WayFrom(X_OR.p);
+  if (IsStuck(X_OR.p, way.length)) {
     num_rescue_steps_ = Steps(config_.rescue_time);
     turns_ = false;
   }
-  const std::optional<base::Vec2> waypoint_O = Waypoint(X_OR.p);
-  if (!waypoint_O) return {};
-  const base::Vec2 waypoint_R = base::InverseTransform(X_OR, *waypoint_O);
+  if (navigator_.path().empty()) return {};
+  const base::Vec2 waypoint_R = base::InverseTransform(X_OR, way.waypoint_O);
   const double side = std::atan2(waypoint_R.y, waypoint_R.x);
   turns_ = std::abs(side) > (turns_ ? kTurnedTo : config_.turn_beyond);
   if (turns_) return {.command = Twist{0.0, std::copysign(kTurnRate, side)}};
   return {.waypoint_R = waypoint_R};
 }
 
-/// The point of the path that is `lookahead` along it from the robot; the goal if that is nearer.
-std::optional<base::Vec2> Guide::Waypoint(base::Vec2 p_O) const {
-  const std::span<const base::Vec2> path = navigator_.path();
-  if (path.empty()) return std::nullopt;
-  double way = 0.0;
-  base::Vec2 last = p_O;
-  for (const base::Vec2 next : path) {
-    way += base::Norm(next - last);
-    last = next;
-    if (way >= config_.lookahead) return next;
-  }
-  return goal_O_;
-}
-
-double Guide::PathLength(base::Vec2 p_O) const {
-  double way = 0.0;
+Guide::Way Guide::WayFrom(base::Vec2 p_O) const {
+  Way way{0.0, goal_O_};
   base::Vec2 last = p_O;
   for (const base::Vec2 next : navigator_.path()) {
-    way += base::Norm(next - last);
+    const bool is_nearer = way.length < config_.lookahead;
+    way.length += base::Norm(next - last);
+    if (is_nearer && way.length >= config_.lookahead) way.waypoint_O = next;
     last = next;
   }
   return way;
@@ -106,11 +93,11 @@ double Guide::PathLength(base::Vec2 p_O) const {
 
 /// Whether the robot has stayed where it is, or its way has not become shorter, for too long. Then
 /// both begin anew.
-bool Guide::IsStuck(base::Vec2 p_O) {
+bool Guide::IsStuck(base::Vec2 p_O, double way) {
   const auto num_places = static_cast<std::size_t>(std::max(Steps(config_.rescue_after), 1));
   if (places_O_.size() > num_places) places_O_.erase(places_O_.begin());
   places_O_.push_back(p_O);
-  along_path_.Take(PathLength(p_O));
+  along_path_.Take(way);
   const bool stands =
       places_O_.size() > num_places && base::Norm(p_O - places_O_.front()) < kProgress;
   const bool strays = along_path_.num_steps >= Steps(kPathPatience * config_.rescue_after);

@@ -73,12 +73,18 @@ class Guide {
     void Take(double distance);
   };
 
-  std::optional<base::Vec2> Waypoint(base::Vec2 p_O) const;
+  /// The way that is left: its length, [m], and the point of the path that is `lookahead` along it,
+  /// or the goal if that is nearer.
+  struct Way {
+    double length = 0.0;
+    base::Vec2 waypoint_O;
+  };
+
   Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
         double step, std::unique_ptr<RestingPlanner> resting);
-  double PathLength(base::Vec2 p_O) const;
-  bool IsStuck(base::Vec2 p_O);
   int Steps(double time) const;
+  Way WayFrom(base::Vec2 p_O) const;
+  bool IsStuck(base::Vec2 p_O, double way);
 
   const GuardConfig config_;
   const double step_;              // [s]

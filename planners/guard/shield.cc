@@ -57,13 +57,8 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       around_(Around(robot)),
       reach_(LongestWay(robot, step) + Around(robot) + config.margin),
       kept_(reach_ + kKeptBeyond),
-      cos_view_(std::cos(0.5 * geometry.field_of_view)) {
-  SLALOM_CHECK_GE(geometry.num_beams, 2);
-  const double spacing = geometry.field_of_view / (geometry.num_beams - 1);
-  for (int i = 0; i < geometry.num_beams; ++i) {
-    const auto [s, c] = base::SinCos(-0.5 * geometry.field_of_view + i * spacing);
-    directions_R_.push_back({c, s});
-  }
+      cos_view_(std::cos(0.5 * geometry.field_of_view)),
+      directions_R_(BeamDirections(geometry)) {
   for (int i = 0; i < kLinearChoices; ++i) {
     for (int j = 0; j < kAngularChoices; ++j) {
       const env::Action action{2.0f * i / (kLinearChoices - 1) - 1.0f,
@@ -215,11 +210,6 @@ Lanes Shield::RoomOf(const Lanes& linear, const Lanes& angular) const {
   const int braking = static_cast<int>(kMaxBraking / kTick);
   drive(Lanes::Zero(), Lanes::Zero(), braking, true);
   return room;
-}
-
-float Shield::Clearance(Twist command) const {
-  return RoomOf(Lanes::Constant(static_cast<float>(command.linear)),
-                Lanes::Constant(static_cast<float>(command.angular)))[0];
 }
 
 Shield::Choice Shield::Choose(Twist wanted) {

@@ -23,7 +23,7 @@ namespace slalom::planners {
 /// the nearest one that passes. What is seen is taken to stand still.
 ///
 /// The robot is predicted from its odometry and from the commands that it was given, as late as
-/// they may act. Confined to one thread at a time. Cost: 10 to 20 us a step, and at most 300 us
+/// they may act. Confined to one thread at a time. Cost: about 25 us a step, and 300 to 550 us
 /// where few commands pass (benchmarks/planner_bench.cc).
 class Shield {
  public:
@@ -49,11 +49,6 @@ class Shield {
   /// one with most room. The robot is taken to be given it.
   Choice Choose(Twist wanted);
 
-  /// The room that a command leaves, from the outline to the nearest point until the robot has
-  /// braked to a stand, [m]; infinite if it is much more than the margin. Requires: `See` was
-  /// called.
-  float Clearance(Twist command) const;
-
  private:
   struct Point {
     base::Vec2 p_O;
@@ -77,10 +72,10 @@ class Shield {
   const int step_ticks_, delay_ticks_, memory_steps_;
   const DriveModel drive_;
   const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
-  const double reach_, kept_;             // How far from C points matter, and are kept, [m].
-  const double cos_view_;                 // Of half the field of view.
-  std::vector<base::Vec2> directions_R_;  // [N], of length 1.
-  std::vector<Twist> grid_;               // Commands to fall back on.
+  const double reach_, kept_;                   // How far from C points matter, and are kept, [m].
+  const double cos_view_;                       // Of half the field of view.
+  const std::vector<base::Vec2> directions_R_;  // [N]
+  std::vector<Twist> grid_;                     // Commands to fall back on.
 
   base::Pose2 X_OR_;
   bool moves_ = false;

@@ -33,8 +33,8 @@ struct ObstacleMapConfig {
 /// and clears the cells under the robot (its padded outline). So an obstacle between the two ranges
 /// is cleared, not marked, as in ROS. A beam without an echo does nothing:
 /// `ObstacleLayer::laserScanCallback` projects the scan by laser_geometry's `LaserProjection`,
-/// which drops ranges from range_max on
-/// (`inf_is_valid` is false by default). Confined to one thread at a time.
+/// which drops ranges from range_max on (`inf_is_valid` is false by default). Confined to one
+/// thread at a time.
 class ObstacleMap {
  public:
   /// Requires: num_cells >= 1, resolution > 0.

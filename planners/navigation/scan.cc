@@ -4,14 +4,19 @@
 
 namespace slalom::planners {
 
-ScanProjector::ScanProjector(const ScanGeometry& geometry) : geometry_(geometry) {
+std::vector<base::Vec2> BeamDirections(const ScanGeometry& geometry) {
   SLALOM_CHECK_GE(geometry.num_beams, 2);
   const double step = geometry.field_of_view / (geometry.num_beams - 1);
+  std::vector<base::Vec2> directions;
   for (int i = 0; i < geometry.num_beams; ++i) {
     const auto [s, c] = base::SinCos(-0.5 * geometry.field_of_view + i * step);
-    directions_R_.push_back({c, s});
+    directions.push_back({c, s});
   }
+  return directions;
 }
+
+ScanProjector::ScanProjector(const ScanGeometry& geometry)
+    : geometry_(geometry), directions_R_(BeamDirections(geometry)) {}
 
 void ScanProjector::Project(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR,
                             ScanRays& out) const {

@@ -18,6 +18,9 @@ struct ScanGeometry {
   double clip = 5.0;               ///< Beams with this range or more have no echo, [m].
 };
 
+/// The directions of the beams in R, of length 1, [N]. Requires: num_beams >= 2.
+std::vector<base::Vec2> BeamDirections(const ScanGeometry& geometry);
+
 /// A beam in O: its end, and whether it hit an obstacle there.
 struct ScanRay {
   base::Vec2 p_O;
@@ -42,7 +45,7 @@ class ScanProjector {
 
  private:
   const ScanGeometry geometry_;
-  std::vector<base::Vec2> directions_R_;  // [N], of length 1.
+  const std::vector<base::Vec2> directions_R_;  // [N]
 };
 
 }  // namespace slalom::planners
