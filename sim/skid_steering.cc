@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/geometry.h"
+#include "sim/mass_distribution.h"
 #include "sim/vector_lanes.h"
 
 namespace slalom::sim {

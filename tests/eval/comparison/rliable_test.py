@@ -1,5 +1,5 @@
 """Holds comparisons of committed results against rliable (Agarwal et al. 2021): interquartile means, probabilities of
-improvement and intervals. Skipped where rliable is not installed (pip install rliable).
+improvement and intervals. `./slalom test --part python` runs it.
 
 rliable_test.py PROGRAM SOURCE"""
 
@@ -12,13 +12,9 @@ import sys
 import tempfile
 import unittest
 
-try:
-    import numpy as np
-    from rliable import library, metrics
-    from scipy import stats
-except ImportError as error:
-    print(f"SKIPPED: {error}")
-    sys.exit(0)
+import numpy as np
+from rliable import library, metrics
+from scipy import stats
 
 PROGRAM, SOURCE = sys.argv[1], sys.argv[2]
 SCORES = ("home", "fresh", "mujoco")
@@ -56,7 +52,7 @@ class RliableTest(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         store = os.path.join(cls.scratch.name, "store")
-        run("sweep", "import", os.path.join(SOURCE, "docs/results/robust"), "--output", store)
+        run("sweep", "import", os.path.join(SOURCE, "docs/results/robust.jsonl.xz"), "--output", store)
         cls.all_seeds = Study(store)
         cls.one_seed = Study(store, "--set", "sweep.seeds=[1]")
 
