@@ -34,7 +34,8 @@
 namespace slalom::python {
 namespace {
 
-/// Asks a Python function for actions: of (ranges, state, first), as `Policy.act` has them.
+/// Asks a Python function for actions: of (ranges, state, odometry, first), the first two and the
+/// last as `Policy.act` has them.
 class CallableAgent : public env::Agent {
  public:
   explicit CallableAgent(py::function function) : function_(std::move(function)) {}
@@ -50,9 +51,17 @@ class CallableAgent : public env::Agent {
     const py::array_t<std::uint16_t> ranges({batch, beams}, observations.ranges_cm.data());
     const py::array_t<float> state({batch, py::ssize_t{observations.state_size}},
                                    observations.state.data());
+    py::array_t<double> odometry({batch, py::ssize_t{5}});
+    double* out = odometry.mutable_data();
+    for (const env::Odometry& each : observations.odometry) {
+      const base::Pose2& pose = each.X_OR;
+      for (const double number : {pose.p.x, pose.p.y, pose.yaw, each.linear, each.angular}) {
+        *out++ = number;
+      }
+    }
     const py::array_t<std::uint8_t> first(batch, observations.first.data());
     const Array<float> chosen =
-        py::cast<Array<float>>(function_(ranges, state, first.attr("view")("bool")));
+        py::cast<Array<float>>(function_(ranges, state, odometry, first.attr("view")("bool")));
     std::ranges::copy(env::NumbersOf(ActionsOf(chosen, observations.batch_size)), actions.begin());
   }
 
@@ -72,6 +81,7 @@ struct Request {
   std::uint64_t generator_seed = 1;
   int num_threads = 1;
   std::string physics;
+  std::optional<py::function> progress;  ///< Called after each control step.
 
   /// Lays it over the defaults, or over the config that a policy was trained with.
   template <class Config>
@@ -105,10 +115,16 @@ struct FunctionRunConfig {
   }
 };
 
-/// Lets Ctrl-C end an evaluation.
-void RaiseSignals(const eval::EpisodeCount&) {
-  const py::gil_scoped_acquire acquire;
-  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+/// Lets Ctrl-C end an evaluation, and tells how far it is.
+eval::Progress ProgressOf(const Request& request) {
+  return [&request](const eval::EpisodeCount& count) {
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (!request.progress) return;
+    (*request.progress)(py::dict(py::arg("episodes") = count.all, py::arg("ended") = count.ended,
+                                 py::arg("successes") = count.successes,
+                                 py::arg("collisions") = count.collisions));
+  };
 }
 
 /// Called without the interpreter's lock.
@@ -117,7 +133,7 @@ train::Scores Score(train::Scoring scoring, const Request& request, base::Parall
   scoring.provenance.agent = request.name;
   scoring.provenance.profiles = request.profiles;
   auto evaluation =
-      eval::EvaluateOnCourses(scoring.task, scoring.make_agent, &parallel, RaiseSignals);
+      eval::EvaluateOnCourses(scoring.task, scoring.make_agent, &parallel, ProgressOf(request));
   evaluation->training_overlap = scoring.training_overlap;
   return {*std::move(evaluation), ProvenanceOf(scoring)};
 }
@@ -190,16 +206,16 @@ void DefineEvaluation(py::module_& module) {
       .def(py::init([](std::string name, std::string courses, std::vector<std::string> profiles,
                        Settings task, std::optional<Settings> guard, Settings rules,
                        std::string collection, std::uint64_t generator_seed, int num_threads,
-                       std::string physics) {
+                       std::string physics, std::optional<py::function> progress) {
              RequireThreads(num_threads);
              return Request{std::move(name),       std::move(courses), std::move(profiles),
                             std::move(task),       std::move(guard),   std::move(rules),
                             std::move(collection), generator_seed,     num_threads,
-                            std::move(physics)};
+                            std::move(physics),    std::move(progress)};
            }),
            py::kw_only(), py::arg("name"), py::arg("courses"), py::arg("profiles"),
            py::arg("settings"), py::arg("guard"), py::arg("rules"), py::arg("collection"),
-           py::arg("generator_seed"), py::arg("threads"), py::arg("physics"));
+           py::arg("generator_seed"), py::arg("threads"), py::arg("physics"), py::arg("progress"));
   py::class_<Scores>(module, "Scores")
       .def("text", [](const Scores& self) { return eval::TextReport(self.evaluation); })
       .def("json",

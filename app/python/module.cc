@@ -17,6 +17,7 @@
 
 #include "app/python/actor.h"
 #include "app/python/arrays.h"
+#include "app/python/driver.h"
 #include "app/python/evaluation.h"
 #include "app/python/policy.h"
 #include "app/python/task.h"
@@ -232,6 +233,7 @@ PYBIND11_MODULE(_slalom, module) {
   });
   DefineEnvironment(module);
   DefinePolicy(module);
+  DefineDriver(module);
   DefineEvaluation(module);
   DefineActor(module);
 }

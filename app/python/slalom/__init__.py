@@ -2,6 +2,7 @@
 
 from ._slalom import Error, __version__, commit, course_sets
 from .actor import Actor
+from .driver import Command, Driver, Guard
 from .environment import Environment, VectorEnvironment, make, make_vec
 from .evaluation import Evaluation, evaluate, report
 from .policy import Policy
@@ -11,9 +12,12 @@ Error.__module__ = "slalom"
 
 __all__ = [
     "Actor",
+    "Command",
+    "Driver",
     "Environment",
     "Error",
     "Evaluation",
+    "Guard",
     "Policy",
     "VectorEnvironment",
     "__version__",

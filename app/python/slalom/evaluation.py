@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _slalom
 from ._copies import NotCopied
-from .environment import NameOrPath, _flat, _seed, _settings, _toml
+from .environment import NameOrPath, _flat, _layout, _seed, _settings, _toml
 from .policy import Policy
 from .results import _rows
 
@@ -69,16 +69,17 @@ def _guard(guard):
 
 def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
              courses: NameOrPath = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
-             protocol: str = "paper", observation: Literal["frame", "vector"] = "frame",
+             protocol: str = "paper", observation: Literal["frame", "vector"] | dict[str, Any] = "frame",
              threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
              generator_seed: int = 1, physics: str = "slalom",
              evaluation: dict[str, Any] | None = None, guard: bool | dict[str, Any] | None = None,
-             **sections: dict[str, Any] | float) -> Evaluation:
+             progress: Callable[[dict[str, int]], Any] | None = None, **sections: dict[str, Any] | float) -> Evaluation:
     """Drives `episodes` episodes on each course and returns an `Evaluation`.
 
     agent: a `Policy`, or any function of (observations, first) that returns actions, as
     `Policy.act` has them. It is called with a batch and must choose each action without regard to
-    the others. With observation="vector" its observations are [B, N + S] float32. Or the name of a
+    the others. Besides "ranges" and "state" its observations have "odometry", [B, 5] float64: x, y and yaw
+    from where the episode began, forward speed and turn rate. With observation="vector" they are [B, N + S] float32. Or the name of a
     classical planner, "dwa", "teb", "eband" or "mppi", or "oracle", with the settings and the task
     of `slalom evaluate --agent` (20 commands a second, docs/planners.md).
     name: what reports call it.
@@ -89,10 +90,13 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
     "configs/guarded.toml" does. A dictionary has the keys of [guard], for example
     {"shield": True, "margin": 0.06}. They are laid over the profile's; False is without a guard,
     whatever the profile says.
+    progress: called after each control step with {"episodes": how many there are, "ended": ..., "successes": ...,
+    "collisions": ...}; an exception that it raises ends the evaluation.
     The rest is as in `make_vec`. A policy drives the task that it was trained for, under the
     profile and the keys given here. If it was trained on some of the courses, a warning and every
     report of the scores say on how many.
     """
+    observation, sections = _layout(observation, sections)
     rules = {"protocol": protocol, "episodes_per_course": episodes, "seed": seed,
              **(evaluation or {})}
     profiles = [profile] if isinstance(profile, (str, os.PathLike)) else profile
@@ -104,7 +108,7 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
         settings=_settings(sections), guard=_guard(guard),
         rules=[(f"evaluation.{key}", _toml(value)) for key, value in rules.items()],
         collection=os.fspath(collection), generator_seed=_seed(generator_seed, "generator_seed"),
-        threads=threads, physics=physics)
+        threads=threads, physics=physics, progress=progress)
     if isinstance(agent, str):
         return Evaluation(_slalom.evaluate_planner(agent, request))
     if isinstance(agent, Policy):
@@ -116,11 +120,11 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
         observe = slalom.make(courses, profile=profile, collection=collection,
                               generator_seed=generator_seed, **sections)._core.observe
 
-        def driver(ranges, state, first):
+        def driver(ranges, state, odometry, first):
             return agent(observe(ranges, state), first)
     else:
-        def driver(ranges, state, first):
-            return agent({"ranges": ranges, "state": state}, first)
+        def driver(ranges, state, odometry, first):
+            return agent({"ranges": ranges, "state": state, "odometry": odometry}, first)
     return Evaluation(_slalom.evaluate_function(driver, request))
 
 

@@ -301,6 +301,45 @@ TEST_F(PolicyToolsTest, AGuardNeedsTheOdometryAndWithoutOneItIsPassedOver) {
   EXPECT_EQ(Act(jump + "\n", on).exit_code, 0) << "any frame";
 }
 
+TEST_F(PolicyToolsTest, ActDrivesByAPlannerAndChecksCommandsOfOthers) {
+  const auto answers = [&](const std::string& line, const std::string& options) {
+    base::WriteFileAtomically(scratch_.path() / "lines", line + "\n");
+    return RunShell("$SLALOM act " + options + " < lines", scratch_.path());
+  };
+  const std::string beams = " --set environment.lidar.num_beams=5";
+  const std::string seen = R"({"ranges": [9, 9, 9, 9, 9], "pose": [1, 2, 3], "speeds": [0, 0], )";
+  const ProgramResult planned = answers(seen + R"("goal": [3, 0]})", "--agent dwa" + beams);
+  ASSERT_EQ(planned.exit_code, 0) << planned.err;
+  EXPECT_TRUE(json::parse(planned.out)["linear"].is_number());
+  EXPECT_FALSE(json::parse(planned.out).contains("guarded"));
+
+  const ProgramResult passes = answers(seen + R"("command": [0.5, 0.25]})", "--check" + beams);
+  ASSERT_EQ(passes.exit_code, 0) << passes.err;
+  EXPECT_NEAR(json::parse(passes.out)["linear"].get<double>(), 0.5, 1e-6);
+  EXPECT_NEAR(json::parse(passes.out)["angular"].get<double>(), 0.25, 1e-6);
+  EXPECT_FALSE(json::parse(passes.out)["guarded"].get<bool>());
+  const std::string wall = R"({"ranges": [9, 0.9, 0.3, 0.9, 9], "pose": [1, 2, 3], )";
+  const ProgramResult slower =
+      answers(wall + R"("speeds": [0, 0], "command": [1.5, 0]})", "--check" + beams);
+  EXPECT_LT(json::parse(slower.out)["linear"].get<double>(), 1.0);
+  EXPECT_TRUE(json::parse(slower.out)["guarded"].get<bool>());
+
+  const auto refuses = [&](const std::string& line, const std::string& options,
+                           const std::string& expected) {
+    const ProgramResult result = answers(line, options + beams);
+    EXPECT_EQ(result.exit_code, 1) << line << options;
+    EXPECT_THAT(result.err, HasSubstr(expected));
+  };
+  refuses(seen + R"("goal": [3, 0]})", "--check", "no key 'goal', expected ranges, command");
+  refuses(seen + R"("first": true})", "--check", "command: is missing, expected 2 numbers");
+  refuses(seen + R"("command": [3, 0]})", "--agent dwa", "no key 'command', expected ranges, goal");
+  refuses(seen + R"("goal": [3, 0]})", "--agent rrt", "rrt");
+  refuses(seen + R"("goal": [3, 0]})", "--agent dwa --set teb.robot.max_linear=1",
+          "--set teb.robot.max_linear=1: expected a key of [guard], [environment]");
+  refuses(seen + R"("command": [3, 0]})", "--check --set guard.shield=false",
+          "guard.shield: found false, expected true");
+}
+
 TEST_F(PolicyToolsTest, ActReadsWhatMeansNoEcho) {
   const auto line = [](const std::string& ranges, const std::string& more = "") {
     return fmt::format("{{\"ranges\": [{}], \"goal\": [3, 0.5], \"first\": true{}}}\n", ranges,
