@@ -29,9 +29,16 @@ std::vector<std::shared_ptr<const sim::Scene>> RandomScenes(int num) {
   base::Random random(5);
   std::vector<std::shared_ptr<const sim::Scene>> scenes;
   for (int i = 0; i < num; ++i) {
-    scenes.push_back(sim::MakeScene(test::RandomCourse(random, {.clear_start = 0.8})));
+    scenes.push_back(sim::MakeScene(test::RandomCourse(random, {.clear_start = 0.4})));
   }
   return scenes;
+}
+
+/// Commands act late, so that what is on its way counts.
+sim::EnvironmentConfig LateTask() {
+  sim::EnvironmentConfig config;
+  config.robot.command_delay = 0.3;
+  return config;
 }
 
 struct Drive {
@@ -46,8 +53,8 @@ struct Drive {
 class Driver {
  public:
   explicit Driver(int batch_size)
-      : environments_({}, RandomScenes(3), batch_size, nullptr),
-        agent_(std::make_unique<BlindAgent>(), {.shield = true}, {}),
+      : environments_(LateTask(), RandomScenes(3), batch_size, nullptr),
+        agent_(std::make_unique<BlindAgent>(), {.shield = true}, {.model = {.delay = 0.3}}),
         actions_(static_cast<std::size_t>(batch_size)) {}
 
   std::vector<Drive> Run(const std::vector<env::EpisodeSpec>& episodes, int num_steps) {
@@ -78,6 +85,7 @@ TEST(GuardedAgentTest, AnEpisodeIsTheSameInAnyBatchAndAfterAnother) {
   const std::vector<env::EpisodeSpec> episodes = {{0, 1}, {1, 2}, {2, 3}};
   Driver batch(3);
   const std::vector<Drive> first = batch.Run(episodes, 30);
+  batch.Run({episodes[2], episodes[0], episodes[1]}, 3);  // Cut off under way.
   const std::vector<Drive> second = batch.Run({episodes[2], episodes[0], episodes[1]}, 30);
   EXPECT_EQ(second[0], first[2]);
   EXPECT_EQ(second[1], first[0]);

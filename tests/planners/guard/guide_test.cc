@@ -136,8 +136,30 @@ TEST(GuideTest, LeavesTheRobotAloneNearTheGoal) {
   InTheOpen open({.waypoints = true, .waypoint_after = 0.0});
   (void)open.See({});
   EXPECT_TRUE(open.See({{8.9, 0.0}, 0.0}).waypoint_R);
+  for (int i = 0; i < 30 && !open.See({{1.0, 0.0}, 0.0}).command; ++i) continue;
+  EXPECT_TRUE(open.See({{1.0, 0.0}, 0.0}).command) << "a planner drives";
   const Guide::Advice near = open.See({{9.1, 0.0}, 2.0});
   EXPECT_FALSE(near.waypoint_R || near.command);
+  EXPECT_TRUE(open.See({{8.9, 0.0}, 0.0}).waypoint_R) << "which has ended";
+}
+
+// Whatever the episode before ended in: turns, a rescue, or a way that was nearly driven.
+TEST(GuideTest, BeginsAnEpisodeAsAFreshGuide) {
+  const GuardConfig config{
+      .waypoints = true, .waypoint_after = 0.0, .rescue_after = 2.0, .rescue_time = 1.0};
+  const std::vector<base::Pose2> turned(3, {{1.0, 0.0}, 2.0}), stood(12, {{1.0, 0.0}, 0.0}),
+      arrived(8, {{8.5, 0.0}, 0.0});
+  for (const std::vector<base::Pose2>& before : {turned, stood, arrived}) {
+    InTheOpen used(config), fresh(config);
+    for (const base::Pose2& X_OR : before) (void)used.See(X_OR);
+    used.Reset();
+    for (int i = 0; i < 40; ++i) {
+      const base::Pose2 X_OR{{0.04 * i, 0.0}, i < 3 ? 0.8 : 0.0};
+      const Guide::Advice a = used.See(X_OR), b = fresh.See(X_OR);
+      ASSERT_EQ(a.command, b.command) << before.size() << ", step " << i;
+      ASSERT_EQ(a.waypoint_R, b.waypoint_R) << before.size() << ", step " << i;
+    }
+  }
 }
 
 TEST(GuideTest, APlannerDrivesWhereTheRobotStands) {

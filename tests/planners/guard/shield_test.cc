@@ -38,7 +38,8 @@ class Guarded {
         ranges_(static_cast<std::size_t>(lidar_.num_beams())) {
     Reset();
   }
-  void Reset() {
+  void Reset(std::shared_ptr<const sim::Course> course = nullptr) {
+    if (course) scene_ = sim::MakeScene(std::move(course));
     robot_.Reset({});
     shield_.Reset();
   }
@@ -134,40 +135,71 @@ TEST(ShieldTest, WhatIsFarAwayChangesNothing) {
 }
 
 TEST(ShieldTest, StopsInFrontOfAWallAtTheMargin) {
-  Guarded guarded(CourseOf({WallAt(3.0, 0.0, 0.1, 4.0)}));
-  int num_changed = 0;
-  for (int i = 0; i < 40; ++i) {
-    const Shield::Choice choice = guarded.See().Choose({2.0, 0.0});
-    num_changed += choice.changed;
-    ASSERT_FALSE(guarded.Drive(choice.command));
+  for (const double delay : {0.0, 0.3}) {
+    Guarded guarded(CourseOf({WallAt(3.0, 0.0, 0.1, 4.0)}), delay);
+    int num_changed = 0;
+    for (int i = 0; i < 40; ++i) {
+      const Shield::Choice choice = guarded.See().Choose({2.0, 0.0});
+      num_changed += choice.changed;
+      ASSERT_FALSE(guarded.Drive(choice.command)) << delay;
+    }
+    EXPECT_GT(num_changed, 20);
+    // It may turn, as that is nearer to what it was told than to stand.
+    EXPECT_GT(guarded.robot().pose().p.x, 1.5) << delay;
   }
-  EXPECT_GT(num_changed, 20);
-  // It may turn, as that is nearer to what it was told than to stand.
-  EXPECT_GT(guarded.robot().pose().p.x, 1.5);
 }
 
-/// A choice made on what is behind, where the range finder looks 270 degrees around.
-TEST(ShieldTest, RemembersWhatIsBehind) {
-  // A wall that only the first scan, from the other side, has seen.
-  for (const double memory : {10.0, 0.0}) {
-    Guarded guarded(CourseOf({WallAt(-0.6, 0.0, 0.05, 0.25)}), 0.0, {.memory = memory});
-    // Turned round to the wall and back again: 0.4 s for each quarter turn, about.
+// Turns to a wall that was behind, and back again, stands for a while and then reverses.
+TEST(ShieldTest, RemembersWhatIsBehindWhereverItIsAndHoweverLongItStands) {
+  struct Case {
+    double wall_x, memory;
+    int num_waits;
+    bool touches;
+  };
+  for (const Case& c :
+       {Case{-0.6, 10.0, 0, false}, Case{-2.0, 10.0, 60, false}, Case{-0.6, 0.0, 0, true}}) {
+    Guarded guarded(CourseOf({WallAt(c.wall_x, 0.0, 0.05, 1.0)}), 0.0, {.memory = c.memory}, 2.0);
     bool touched = false;
-    int num_steps = 0;
+    const auto drive = [&](const Twist& wanted) {
+      touched |= guarded.Drive(guarded.See().Choose(wanted).command);
+    };
     const auto turn = [&](double to) {
-      while (std::abs(base::WrapAngle(guarded.robot().pose().yaw - to)) > 0.2) {
-        ASSERT_LT(++num_steps, 60);
-        const double left = base::WrapAngle(to - guarded.robot().pose().yaw);
-        touched |= guarded.Drive(guarded.See().Choose({0.0, left > 0.0 ? 2.0 : -2.0}).command);
+      for (int i = 0; std::abs(base::WrapAngle(guarded.robot().pose().yaw - to)) > 0.2; ++i) {
+        ASSERT_LT(i, 60);
+        drive({0.0, base::WrapAngle(to - guarded.robot().pose().yaw) > 0.0 ? 2.0 : -2.0});
       }
     };
-    turn(1.6);
+    turn(3.0);
     turn(0.0);
-    for (int i = 0; i < 6; ++i) {
-      touched |= guarded.Drive(guarded.See().Choose({-0.5, 0.0}).command);
-    }
-    EXPECT_EQ(touched, memory == 0.0) << memory;
+    for (int i = 0; i < c.num_waits; ++i) drive({});
+    for (int i = 0; i < 30; ++i) drive({-0.5, 0.0});
+    EXPECT_EQ(touched, c.touches) << c.wall_x << " " << c.memory;
   }
+}
+
+// Whatever it was told and has seen before, wherever the robot ended.
+TEST(ShieldTest, BeginsAnEpisodeAsAFreshShield) {
+  base::Random random(9);
+  int num_changed = 0;
+  for (int i = 0; i < 40; ++i) {
+    const auto draw = [&random] {
+      return test::RandomCourse(random, {.num_circles = 40, .clear_start = 0.36});
+    };
+    const auto course = draw();
+    Guarded used(draw(), 0.3, {}, 2.0), fresh(course, 0.3, {}, 2.0);
+    const Twist before = i % 2 == 0 ? Twist{0.0, 3.0} : Twist{1.0, random.Uniform(-3.0, 3.0)};
+    for (int step = 0; step < 10; ++step) used.Drive(used.See().Choose(before).command);
+    used.Reset(course);
+    const Twist wanted{random.Uniform(-1.0, 2.0), random.Uniform(-3.14, 3.14)};
+    for (int step = 0; step < 8; ++step) {
+      const Shield::Choice choice = fresh.See().Choose(wanted);
+      ASSERT_EQ(used.See().Choose(wanted).command, choice.command) << i << ", step " << step;
+      num_changed += choice.changed;
+      used.Drive(choice.command);
+      fresh.Drive(choice.command);
+    }
+  }
+  EXPECT_GT(num_changed, 10) << "the courses are too easy";
 }
 
 }  // namespace

@@ -78,6 +78,7 @@ class Robot {
     while (navigator_->state() == state && time_ - from < max_time) Step();
     return std::string(ToString(state)) + " " + std::to_string(std::lround(time_ - from));
   }
+  void Look() { navigator_->Look(ranges_, pose_); }
   void SeeNothing() { ranges_.assign(360, 500); }
   void SeeWallAllRound(int range_cm) { ranges_.assign(360, static_cast<std::uint16_t>(range_cm)); }
 
@@ -269,6 +270,13 @@ TEST(Navigator, TurnsRoundTwiceBeforeItGivesUp) {
   }
   EXPECT_NEAR(turned, 2 * 2.0 * base::kPi, 2 * 0.157 + 1e-9);
   EXPECT_EQ(robot.navigator().record().num_recoveries, 4);
+  // A goal that is sent again in the midst of a turn does not end it.
+  NavigationConfig config;
+  config.goal_resend_rate = 1.0 / 12.0;
+  Robot told_again(config);
+  told_again.SeeWallAllRound(70);
+  for (turned = 0.0; told_again.time() < 16.0;) turned += 0.05 * told_again.StepAndTurn().angular;
+  EXPECT_NEAR(turned, 2.0 * base::kPi, 0.157 + 1e-9);
 }
 
 TEST(Navigator, StopsWithoutCommands) {
@@ -314,7 +322,47 @@ TEST(Navigator, ClearsItsMapsIfToldTo) {
     robot.Step();
     EXPECT_EQ(count(0.0, 1.4), near);  // The square of 3 m is kept.
     EXPECT_EQ(count(1.6, 9.0), clears ? 0 : far);
+    for (const int range_cm : {120, 70}) {
+      robot.SeeWallAllRound(range_cm);
+      robot.Step();
+    }
+    const int between = count(1.0, 1.4);
+    EXPECT_GT(between, 50);
+    while (robot.navigator().record().num_recoveries < 3) robot.Step();
+    EXPECT_EQ(count(1.0, 1.4), clears ? 0 : between);  // The second clearing's is of 1.84 m.
+    EXPECT_GT(count(0.0, 0.9), 100);
+    // Nothing but the clearing opens a way.
+    Robot shut_in(config);
+    shut_in.SeeWallAllRound(200);
+    shut_in.Step();
+    shut_in.SeeNothing();
+    EXPECT_EQ(shut_in.StepWhile(NavigatorState::kPlanning, 30.0), "planning 5");
+    for (int i = 0; i < 3; ++i) shut_in.Step();
+    EXPECT_EQ(shut_in.navigator().state(),
+              clears ? NavigatorState::kControlling : NavigatorState::kPlanning);
   }
+}
+
+TEST(Navigator, KnowsWhatItHasLookedAtAndSeenBetweenTwoPlans) {
+  Robot robot;
+  robot.SeeWallAllRound(152);
+  robot.Look();
+  robot.SeeNothing();
+  robot.Step();
+  robot.Step();
+  for (const Costmap* map :
+       {&robot.navigator().local_costmap(), &robot.navigator().global_costmap()}) {
+    EXPECT_EQ(map->cost(map->CellAt({1.525, 0.025})), kLethalCost);
+  }
+  NavigationConfig config;
+  config.planner_rate = 1.0;
+  Robot slow(config);
+  for (int i = 0; i < 21; ++i) {
+    if (i == 4) slow.SeeWallAllRound(200);
+    if (i == 8) slow.SeeNothing();
+    slow.Step();
+  }
+  EXPECT_EQ(slow.navigator().record().num_failed_plans, 1);
 }
 
 // In steps of a cycle, the maps get a scan of the step before, and the planner the maps of the step
@@ -358,7 +406,11 @@ TEST(Navigator, DropsThePassedPartOfThePlan) {
   robot.Step();
   EXPECT_FALSE(robot.planner().path_was_new_);
   // Points less than 1 m behind stay.
-  EXPECT_NEAR(static_cast<double>(before - robot.planner().path_length_), 40.0, 2.0);
+  const std::size_t after = robot.planner().path_length_;
+  EXPECT_NEAR(static_cast<double>(before - after), 40.0, 2.0);
+  robot.pose().p = {0.5, 0.0};
+  robot.Step();
+  EXPECT_EQ(robot.planner().path_length_, after) << "and what is dropped does not come back";
 }
 
 // Whatever the first episode ended in, the second is like that of a new navigator.
@@ -447,10 +499,15 @@ TEST(RotateRecovery, DoesNotSlowDownHalfWay) {
 TEST(RotateRecovery, DoesNotTurnIntoObstacles) {
   const NavigationConfig config;
   const PaddedFootprint footprint(config.footprint);
-  Costmap map(60, 60, 0.05, {-1.5, -1.5});
-  map.set_cost(map.CellAt({0.0, 0.38}), kLethalCost);  // Free now; a corner will come by.
-  RotateRecovery recovery(0.0);
-  EXPECT_EQ(recovery.TurnRate(config, footprint, map, {}), std::nullopt);
+  for (const double yaw : {0.0, base::kPi / 2, base::kPi, -base::kPi / 2}) {
+    Costmap map(60, 60, 0.05, {-1.5, -1.5});
+    // Free now; a corner will come by.
+    map.set_cost(map.CellAt(base::Transform({{0.01, 0.01}, yaw}, {0.0, 0.38})), kLethalCost);
+    RotateRecovery recovery(base::WrapAngle(yaw - 0.01));
+    EXPECT_EQ(recovery.TurnRate(config, footprint, map, {{}, base::WrapAngle(yaw + 0.01)}),
+              std::nullopt)
+        << yaw;
+  }
 }
 
 }  // namespace

@@ -146,7 +146,39 @@ TEST(Teb, IsFreeToChooseOnceTheBandThatItFollowedIsGone) {
   EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, -0.1)), 1.0);
   EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, 0.1)), 1.0);
   EXPECT_EQ(SideFollowed(planner, AtAWall()), 0.0);
+  EXPECT_TRUE(planner.bands().empty());
   EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, 0.1)), -1.0);
+  // A post on the band that it follows, far behind the disc.
+  config.homotopy.prefer_initial_plan = 0.1;
+  TebPlanner other(config);
+  FlatWorld world = AtADisc(1.0, -0.1);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(SideFollowed(other, world), 1.0);
+  EXPECT_GT(other.bands().size(), 1u);
+  const std::vector<base::Pose2> poses = other.bands().front().poses;
+  world.AddDisc(poses[3 * poses.size() / 4].p, 0.05);
+  EXPECT_EQ(SideFollowed(other, world), 1.0);
+}
+
+// Posts that stand between the first two poses, and a corridor whose walls the robot touches.
+TEST(Teb, ChecksTheWayToTheFirstPoseAndLetsARobotOutThatTouchesSomething) {
+  TebConfig config;
+  config.robot = {.max_linear = 1.5, .max_acceleration = 100.0, .outline_length = 0.2};
+  config.homotopy.enabled = false;
+  for (const bool has_posts : {false, true}) {
+    TebPlanner planner(config);
+    FlatWorld world({{-1.5, 0.0}, 0.0}, {1.5, 0.0});
+    for (const double y : {-0.2, 0.2}) {
+      if (has_posts) world.AddDisc({-1.3, y}, 0.04);
+    }
+    EXPECT_EQ(world.Step(planner), !has_posts);
+  }
+  TebPlanner planner{TebConfig{}};
+  FlatWorld corridor({{-1.5, 0.0}, 0.0}, {1.5, 0.0});
+  for (double x = -2.5; x < 2.5; x += 0.05) {
+    for (const double y : {-0.3, 0.3}) corridor.AddDisc({x, y}, 0.11);
+  }
+  EXPECT_LT(corridor.Clearance(), 0.0);
+  EXPECT_TRUE(corridor.Step(planner));
 }
 
 TEST(Teb, ChangesSidesNoMoreOftenThanItMay) {
