@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <numbers>
 #include <utility>
 
 #include "app/train/planner_fit.h"
@@ -53,6 +54,8 @@ planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment)
 }
 
 planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment) {
+  // By Gazebo's law a wheel's grip is |cos| of its angle, which nobody on the robot knows.
+  constexpr double kMeanOfCosine = 2.0 / std::numbers::pi;
   const sim::RobotConfig& robot = environment.robot;
   const sim::MassDistribution masses = sim::DistributeMass(robot);
   return {.model = {.length = robot.length,
@@ -65,12 +68,16 @@ planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment)
                     .wheel_base = robot.wheel_base,
                     .track = robot.track,
                     .wheel_separation_multiplier = robot.wheel_separation_multiplier,
-                    .friction = robot.wheel_friction,
+                    .friction = robot.friction == sim::FrictionLaw::kGazebo
+                                    ? kMeanOfCosine * robot.wheel_friction
+                                    : robot.wheel_friction,
                     .slips = robot.drive == sim::DriveKind::kSkidSteer,
+                    .pyramid = robot.friction != sim::FrictionLaw::kCone,
                     .linear_limit = robot.linear_speed_limit,
                     .angular_limit = robot.angular_speed_limit,
                     .linear_acceleration = robot.linear_acceleration,
                     .angular_acceleration = robot.angular_acceleration,
+                    .least_delay = robot.command_delay,
                     .delay = robot.command_delay + robot.command_jitter},
           .scan = ScanGeometryOf(environment),
           .bounds = environment.action,

@@ -18,6 +18,7 @@ Lanes Towards(const Lanes& from, const Lanes& to, float step) {
 DriveModel::DriveModel(const RobotModel& robot, double tick)
     : tick_(static_cast<float>(tick)),
       slips_(robot.slips),
+      pyramid_(robot.pyramid),
       linear_limit_(static_cast<float>(robot.linear_limit)),
       angular_limit_(static_cast<float>(robot.angular_limit)),
       linear_step_(static_cast<float>(robot.linear_acceleration * tick)),
@@ -52,7 +53,7 @@ void DriveModel::Step(const Lanes& linear, const Lanes& angular, Motion& m) cons
   // The heading half-way through the step, as the turn rate was: forces and way are along it.
   const Lanes before = m.yaw_rate;
   if (slips_) {
-    Slip(m);
+    pyramid_ ? Slip<true>(m) : Slip<false>(m);
   } else {
     m.ahead = m.wheel_linear;
     m.left.setZero();
@@ -74,6 +75,7 @@ void DriveModel::Step(const Lanes& linear, const Lanes& angular, Motion& m) cons
 /// The velocity after an implicit step: it minimises the kinetic energy of its change and what the
 /// contacts rub. In each round (Weiszfeld) friction is viscous, as strong as dry friction is at the
 /// slip that was found last, which gives three linear equations for speeds and turn rate.
+template <bool pyramid>
 void DriveModel::Slip(Motion& m) const {
   // C turns under the velocity, from half-way through the last step to half-way through this one.
   const Lanes angle = tick_ * m.yaw_rate;
@@ -86,7 +88,7 @@ void DriveModel::Slip(Motion& m) const {
   for (int round = 0; round < kRounds; ++round) {
     Lanes drag = Lanes::Zero(), drag_y = Lanes::Zero(), push = Lanes::Zero(),
           push_y = Lanes::Zero();
-    Lanes drag_x = Lanes::Zero(), moment = Lanes::Zero();
+    Lanes drag_left = Lanes::Zero(), drag_x = Lanes::Zero(), moment = Lanes::Zero();
     const Lanes to_rear = (shift_ahead_ * (ahead - now_ahead)).max(-most_shift_).min(most_shift_);
     const Lanes room = most_shift_ - to_rear.abs();
     const Lanes to_right = (shift_left_ * (left - now_left)).max(-room).min(room);
@@ -96,26 +98,35 @@ void DriveModel::Slip(Motion& m) const {
       const Lanes square_left = slip_left * slip_left + kCreep * kCreep;
       for (int j = 0; j < 2; ++j) {
         const Lanes slip_ahead = ahead - rate * side_[j] - wheels[j];
-        const Lanes viscous = (grip_[i][j] + on_axle[i] + on_side[j]) /
-                              (slip_ahead * slip_ahead + square_left).sqrt();
+        const Lanes grip = grip_[i][j] + on_axle[i] + on_side[j];
+        const Lanes square_ahead = slip_ahead * slip_ahead;
+        Lanes viscous, viscous_left;
+        if constexpr (pyramid) {
+          viscous = grip / (square_ahead + kCreep * kCreep).sqrt();
+          viscous_left = grip / square_left.sqrt();
+        } else {
+          viscous = viscous_left = grip / (square_ahead + square_left).sqrt();
+        }
         const Lanes viscous_y = viscous * side_[j];
         drag += viscous;
+        drag_left += viscous_left;
         drag_y += viscous_y;
-        drag_x += viscous * axle_[i];
-        moment += viscous_y * side_[j] + viscous * (axle_[i] * axle_[i]);
+        drag_x += viscous_left * axle_[i];
+        moment += viscous_y * side_[j] + viscous_left * (axle_[i] * axle_[i]);
         push += viscous * wheels[j];
         push_y += viscous_y * wheels[j];
       }
     }
-    // (mass + drag) ahead - drag_y rate = push_ahead, (mass + drag) left + drag_x rate = push_left,
+    // heavy ahead - drag_y rate = push_ahead, heavy_left left + drag_x rate = push_left,
     // (inertia + moment) rate - drag_y ahead + drag_x left = push_turn.
-    const Lanes heavy = mass_ + drag;
+    const Lanes heavy = mass_ + drag, heavy_left = mass_ + drag_left;
     const Lanes push_ahead = mass_ * now_ahead + push, push_left = mass_ * now_left;
     const Lanes push_turn = inertia_ * now_rate - push_y;
-    rate = (push_turn * heavy + drag_y * push_ahead - drag_x * push_left) /
-           ((inertia_ + moment) * heavy - drag_y * drag_y - drag_x * drag_x);
+    const Lanes both = heavy * heavy_left;
+    rate = (push_turn * both + drag_y * push_ahead * heavy_left - drag_x * push_left * heavy) /
+           ((inertia_ + moment) * both - drag_y * drag_y * heavy_left - drag_x * drag_x * heavy);
     ahead = (push_ahead + drag_y * rate) / heavy;
-    left = (push_left - drag_x * rate) / heavy;
+    left = (push_left - drag_x * rate) / heavy_left;
   }
   m.ahead = ahead;
   m.left = left;

@@ -23,14 +23,16 @@ struct RobotModel {
   double track = 0.37559;     ///< From the left to the right wheels, [m].
   /// The drive's controller assumes a track this many times as wide.
   double wheel_separation_multiplier = 1.5;
-  double friction = 0.5;       ///< Of the wheels on the ground.
-  bool slips = true;           ///< Whether wheels slip, or move the body exactly as they are told.
-  double linear_limit = 2.0;   ///< Commands are clipped to this speed, [m/s].
-  double angular_limit = 4.0;  ///< And to this turn rate, [rad/s].
+  double friction = 0.5;  ///< Of the wheels on the ground.
+  bool slips = true;      ///< Whether wheels slip, or move the body exactly as they are told.
+  /// Whether a wheel rubs ahead and to the side independently, or in all directions alike.
+  bool pyramid = false;
+  double linear_limit = 2.0;           ///< Commands are clipped to this speed, [m/s].
+  double angular_limit = 4.0;          ///< And to this turn rate, [rad/s].
   double linear_acceleration = 20.0;   ///< Of the wheels, [m/s^2].
   double angular_acceleration = 25.0;  ///< [rad/s^2]
-  double delay =
-      0.0;  ///< The longest from the choice of a command until the drive acts on it, [s].
+  /// From the choice of a command until the drive acts on it, at least and at most, [s].
+  double least_delay = 0.0, delay = 0.0;
 };
 
 /// Robots that are predicted side by side, each from its own commands.
@@ -60,10 +62,11 @@ class DriveModel {
   void Step(const Lanes& linear, const Lanes& angular, Motion& motion) const;
 
  private:
+  template <bool pyramid>
   void Slip(Motion& motion) const;
 
   const float tick_;  // [s]
-  const bool slips_;
+  const bool slips_, pyramid_;
   const float linear_limit_, angular_limit_;  // [m/s], [rad/s]
   const float linear_step_, angular_step_;    // Largest change of the wheels' speeds in a step.
   const float half_separation_;               // As the controller assumes it, [m].

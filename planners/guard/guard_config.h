@@ -7,7 +7,7 @@ namespace slalom::planners {
 /// Settings of a guard (planners/guard/guarded_agent.h).
 struct GuardConfig {
   bool shield = false;
-  double margin = 0.04;
+  double margin = 0.05;
   double memory = 10.0;
   bool waypoints = false;
   double waypoint_after = 8.0;
@@ -29,7 +29,8 @@ struct GuardConfig {
       "bring it too close to something (docs/safety.md).");
     v("margin", margin, base::Range{0.0, 0.5}, "m",
       "Room that the outline keeps to each point of the scan until the robot could have braked. A "
-      "robot that is closer may go on as long as it comes no closer.",
+      "slow robot keeps less, at least a quarter, and one that is closer may go on as long as it "
+      "comes no closer.",
       with_shield);
     v("memory", memory, base::Range{0.0, 60.0}, "s",
       "How long points are remembered where the range finder does not look, such as behind, not "
@@ -56,10 +57,14 @@ struct GuardConfig {
       "MPPI drives for a while if the robot has stayed where it is for this time, or its way has "
       "not become shorter for twice as long.",
       with_waypoints);
-    v("rescue_time", rescue_time, base::Range{0.0, 1000.0}, "s", "For how long MPPI drives then.",
+    v("rescue_time", rescue_time, base::Range{0.0, 1000.0}, "s",
+      "For how long MPPI drives then, the first time in an episode; twice as long the second time, "
+      "and so on.",
       with_waypoints);
     v("near", near, base::Range{0.0, 100.0}, "m",
-      "Within this distance of the goal the robot is left to itself.", with_waypoints);
+      "Once the robot has been at its goal, as it believes, it is left to itself within this "
+      "distance of it.",
+      with_waypoints);
   }
 };
 

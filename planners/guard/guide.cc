@@ -8,6 +8,7 @@ namespace slalom::planners {
 namespace {
 
 constexpr double kProgress = 0.3;      // What counts as getting on, [m].
+constexpr double kArrived = 0.3;       // What counts as having been at the goal, [m].
 constexpr double kTurnRate = 1.5;      // Of a turn on the spot, [rad/s].
 constexpr double kTurnedTo = 0.6;      // It ends when the waypoint is that far to the side, [rad].
 constexpr double kPathPatience = 2.0;  // Times `rescue_after`: how long a way may be no shorter.
@@ -37,10 +38,10 @@ void Guide::Progress::Take(double distance) {
 void Guide::Reset(const base::Pose2& X_OR, base::Vec2 goal_R, std::uint64_t seed) {
   goal_O_ = base::Transform(X_OR, goal_R);
   navigator_.Reset(X_OR, goal_O_, seed);
-  guides_ = turns_ = false;
+  guides_ = turns_ = has_arrived_ = false;
   to_goal_ = {base::Norm(goal_R), 0};
   along_path_ = {std::numeric_limits<double>::infinity(), 0};
-  num_rescue_steps_ = 0;
+  num_rescues_ = num_rescue_steps_ = 0;
   places_O_.clear();
 }
 
@@ -56,7 +57,8 @@ Guide::Advice Guide::See(std::span<const std::uint16_t> ranges_cm, const env::Od
   const bool rescues = num_rescue_steps_ > 0;
   planner_->awake = rescues;
   const Twist command = navigator_.Step(ranges_cm, X_OR, {odometry.linear, odometry.angular});
-  if (left < config_.near) {
+  has_arrived_ = has_arrived_ || left < kArrived;
+  if (has_arrived_ && left < config_.near) {
     num_rescue_steps_ = 0;
     turns_ = false;
     places_O_.clear();
@@ -68,7 +70,7 @@ Guide::Advice Guide::See(std::span<const std::uint16_t> ranges_cm, const env::Od
   }
   const Way way = WayFrom(X_OR.p);
   if (IsStuck(X_OR.p, way.length)) {
-    num_rescue_steps_ = Steps(config_.rescue_time);
+    num_rescue_steps_ = ++num_rescues_ * Steps(config_.rescue_time);
     turns_ = false;
   }
   if (navigator_.path().empty()) return {};

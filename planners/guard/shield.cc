@@ -19,6 +19,9 @@ constexpr double kStands = 0.01;     // A robot that moves less in a step stands
 constexpr double kMaxBraking = 3.0;  // [s]
 constexpr double kSpacing = 0.015f;  // Points that are closer together count as one, [m].
 constexpr int kSameSurfaceCm = 10;   // Neighbours whose ranges differ by less are of one surface.
+// The margin is kept by a robot whose corners move that fast, [m/s]; a slower one keeps less of it,
+// in proportion, but at least this share: errors of a prediction grow with the way.
+constexpr float kFullMarginSpeed = 0.6f, kLeastMarginShare = 0.25f;
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
 int NumTicks(double time, double step) {
@@ -50,6 +53,7 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       bounds_(bounds),
       step_ticks_(NumTicks(step, step)),
       delay_ticks_(NumTicks(robot.delay, step)),
+      least_delay_ticks_(std::min(NumTicks(robot.least_delay, step), delay_ticks_)),
       memory_steps_(static_cast<int>(std::lround(config.memory / step))),
       drive_(robot, step / step_ticks_),
       half_length_(static_cast<float>(0.5 * robot.length)),
@@ -76,22 +80,23 @@ void Shield::Reset() {
   now_ = start_ = Motion{};
 }
 
-/// The command on which the drive acts in that tick from now on. The last one was sent a step ago.
-Twist Shield::CommandAt(int tick) const {
+/// The command on which the drive acts in that tick from now on, if it acts after a delay of so
+/// many ticks. The last one was sent a step ago.
+Twist Shield::CommandAt(int tick, int delay) const {
   int sent = -step_ticks_;
   for (const Twist& command : sent_) {
-    if (sent + delay_ticks_ <= tick) return command;
+    if (sent + delay <= tick) return command;
     sent -= step_ticks_;
   }
   return sent_.back();
 }
 
-/// Moves `start_` on.
-void Shield::Drive(int begin, int end) {
+/// Moves the robot on by what it was told, on which it acts after a delay of so many ticks.
+void Shield::Drive(int begin, int end, int delay, Motion& motion) const {
   for (int tick = begin; tick < end; ++tick) {
-    const Twist command = CommandAt(tick);
+    const Twist command = CommandAt(tick, delay);
     drive_.Step(Lanes::Constant(static_cast<float>(command.linear)),
-                Lanes::Constant(static_cast<float>(command.angular)), start_);
+                Lanes::Constant(static_cast<float>(command.angular)), motion);
   }
 }
 
@@ -104,9 +109,7 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   LookAround(ranges_cm);
 
   // What the odometry does not tell is how it was predicted: slip to the side, and the wheels.
-  start_ = now_;
-  Drive(-step_ticks_, 0);
-  now_ = start_;
+  Drive(-step_ticks_, 0, delay_ticks_, now_);
   now_.x.setZero();
   now_.y.setZero();
   now_.sin.setZero();
@@ -117,9 +120,11 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   start_ = now_;
   room_ = RoomAt(start_)[0];
   for (int tick = 0; tick < delay_ticks_; tick += kTicksPerLook) {
-    Drive(tick, std::min(tick + kTicksPerLook, delay_ticks_));
+    Drive(tick, std::min(tick + kTicksPerLook, delay_ticks_), delay_ticks_, start_);
     room_ = std::min(room_, RoomAt(start_)[0]);
   }
+  early_start_ = now_;
+  Drive(0, least_delay_ticks_, least_delay_ticks_, early_start_);
 }
 
 /// The median of a range and of its neighbours that lie on the same surface, [m]. So a beam that
@@ -194,22 +199,38 @@ Lanes Shield::RoomAt(const Motion& m) const {
   return (side < 0.0f).select(side, square.sqrt());
 }
 
-/// The least room from when the commands begin to act until the robots stand.
+/// The least room from when the commands begin to act until the robots stand, whether they begin
+/// as late as they may, or as early as they may and end late.
 Lanes Shield::RoomOf(const Lanes& linear, const Lanes& angular) const {
-  Motion motion = start_;
+  const Lanes late = RoomFrom(start_, step_ticks_, linear, angular);
+  if (least_delay_ticks_ == delay_ticks_) return late;
+  const int ticks = step_ticks_ + delay_ticks_ - least_delay_ticks_;
+  return late.min(RoomFrom(early_start_, ticks, linear, angular));
+}
+
+/// The least room of robots that take the commands for so many ticks, and then brake.
+Lanes Shield::RoomFrom(Motion motion, int num_ticks, const Lanes& linear,
+                       const Lanes& angular) const {
   Lanes room = Lanes::Constant(kFar);
-  const auto drive = [&](const Lanes& v, const Lanes& w, int num_ticks, bool brakes) {
-    for (int tick = 0; tick < num_ticks; ++tick) {
+  const auto drive = [&](const Lanes& v, const Lanes& w, int ticks, bool brakes) {
+    for (int tick = 0; tick < ticks; ++tick) {
       drive_.Step(v, w, motion);
-      if (tick % kTicksPerLook != kTicksPerLook - 1 && tick + 1 != num_ticks) continue;
+      if (tick % kTicksPerLook != kTicksPerLook - 1 && tick + 1 != ticks) continue;
       room = room.min(RoomAt(motion));
       if (brakes && (motion.ahead.abs() < 0.02f && motion.yaw_rate.abs() < 0.1f).all()) return;
     }
   };
-  drive(linear, angular, step_ticks_, false);
-  const int braking = static_cast<int>(kMaxBraking / kTick);
-  drive(Lanes::Zero(), Lanes::Zero(), braking, true);
+  drive(linear, angular, num_ticks, false);
+  drive(Lanes::Zero(), Lanes::Zero(), static_cast<int>(kMaxBraking / kTick), true);
   return room;
+}
+
+float Shield::MarginOf(const Twist& command) const {
+  const double linear = std::max(std::abs(command.linear), std::abs(double{now_.ahead[0]}));
+  const double angular = std::max(std::abs(command.angular), std::abs(double{now_.yaw_rate[0]}));
+  const auto speed = static_cast<float>(linear + around_ * angular);
+  return std::clamp(speed / kFullMarginSpeed, kLeastMarginShare, 1.0f) *
+         static_cast<float>(config_.margin);
 }
 
 Shield::Choice Shield::Choose(Twist wanted) {
@@ -221,7 +242,9 @@ Shield::Choice Shield::Choose(Twist wanted) {
   if (near_.empty()) return send({wanted, false, kFar});
   // No closer than the margin or, if the robot is closer already, hardly closer than it is.
   const float slack = std::clamp(0.1f * room_, 0.0f, 0.005f);
-  const float enough = std::min(static_cast<float>(config_.margin), room_ - slack);
+  const auto enough = [this, slack](const Twist& command) {
+    return std::min(MarginOf(command), room_ - slack);
+  };
 
   choices_.clear();
   const env::Action asked = bounds_.Scale(wanted.linear, wanted.angular);
@@ -263,7 +286,7 @@ Shield::Choice Shield::Choose(Twist wanted) {
     for (std::size_t i = begin; i < end; ++i) {
       const float clearance = room[static_cast<Eigen::Index>(i - begin)];
       const Choice choice{choices_[i].second, i > 0, clearance};
-      if (clearance >= enough) return send(choice);
+      if (clearance >= enough(choice.command)) return send(choice);
       if (clearance > best.clearance) best = choice;
     }
   }

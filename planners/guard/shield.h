@@ -58,18 +58,20 @@ class Shield {
     float x, y, distance;  // In C, and from C, [m].
   };
 
-  Twist CommandAt(int tick) const;
-  void Drive(int begin, int end);
+  Twist CommandAt(int tick, int delay) const;
+  void Drive(int begin, int end, int delay, Motion& motion) const;
   double Smoothed(std::span<const std::uint16_t> ranges_cm, int beam) const;
   void LookAround(std::span<const std::uint16_t> ranges_cm);
+  float MarginOf(const Twist& command) const;
   Lanes RoomAt(const Motion& motion) const;
   Lanes RoomOf(const Lanes& linear, const Lanes& angular) const;
+  Lanes RoomFrom(Motion motion, int num_ticks, const Lanes& linear, const Lanes& angular) const;
 
   const GuardConfig config_;
   const RobotModel robot_;
   const ScanGeometry geometry_;
   const env::ActionBounds bounds_;
-  const int step_ticks_, delay_ticks_, memory_steps_;
+  const int step_ticks_, delay_ticks_, least_delay_ticks_, memory_steps_;
   const DriveModel drive_;
   const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
   const double reach_, kept_;                   // How far from C points matter, and are kept, [m].
@@ -83,7 +85,7 @@ class Shield {
   std::vector<NearPoint> near_;  // The same, the nearest first.
   std::vector<Twist> sent_;      // Commands that the drive may not act on yet, the newest first.
   Motion now_;                   // As the robot moves now, in C.
-  Motion start_;                 // When a new command begins to act.
+  Motion start_, early_start_;   // When a new command begins to act, at the latest and earliest.
   float room_ = 0.0f;            // The least room until then, [m].
   std::vector<std::pair<float, Twist>> choices_;  // By distance from the command that was wanted.
 };

@@ -175,12 +175,14 @@ std::uint64_t GuardAndHash(bool shifted) {
                      .waypoint_after = 2.0,
                      .rescue_after = 1.0,
                      .rescue_time = 1.0};
-  GuardedRobot robot{.model = {.delay = 0.3}, .scan = {.num_beams = 360}, .step = step};
+  GuardedRobot robot{.model = {.pyramid = true, .least_delay = 0.1, .delay = 0.3},
+                     .scan = {.num_beams = 360},
+                     .step = step};
   if (shifted) {
     Shift shift;
     config.Visit(shift);
     robot.model.slips = false;
-    robot.model.delay = 0.0;
+    robot.model.least_delay = robot.model.delay = 0.0;
   }
   const PlannersConfig planners = Settings(shifted);
   robot.guide = {planners.navigation, NavigationOf("mppi", planners),
@@ -240,8 +242,8 @@ TEST_P(GoldenDrive, IsTheSame) {
 }
 
 TEST(GoldenGuard, IsTheSame) {
-  EXPECT_EQ(GuardAndHash(false), 11096951505513899831u);
-  EXPECT_EQ(GuardAndHash(true), 1522389646769346216u);
+  EXPECT_EQ(GuardAndHash(false), 11418750395005235129u);
+  EXPECT_EQ(GuardAndHash(true), 3426833015683274882u);
 }
 
 }  // namespace

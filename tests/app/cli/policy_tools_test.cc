@@ -289,7 +289,7 @@ TEST_F(PolicyToolsTest, AGuardNeedsTheOdometryAndWithoutOneItIsPassedOver) {
   refuses(R"("goal": [900, 0], "pose": [0, 0, 0], "speeds": [0, 0]})", "--set guard.waypoints=true",
           "goal: found 900 m, expected at most 100 m from the robot");
   const std::string any = R"("goal": [2, 0]})";
-  refuses(any, "--set guard.margin=0.1", "guard.margin is 0.1, expected its default 0.04");
+  refuses(any, "--set guard.margin=0.1", "guard.margin is 0.1, expected its default 0.05");
   refuses(any, "--set environment.robot.length=0.6",
           "--set environment.robot.length=0.6: expected --set guard.shield=true");
   refuses(any, "--set run.seed=3", "--set run.seed=3: expected a key of [guard]");

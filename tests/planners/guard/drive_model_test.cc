@@ -72,5 +72,31 @@ TEST(DriveModelTest, PredictsAStepOfTheSimulatorsWheels) {
   EXPECT_LT(Quantile(errors.heading, 0.95), 0.02);
 }
 
+TEST(DriveModelTest, PredictsAPyramidAsAPyramid) {
+  sim::RobotConfig robot;
+  robot.friction = sim::FrictionLaw::kPyramid;
+  RobotModel model;
+  model.pyramid = true;
+  const Errors pyramid = PredictDrive(robot, model, 3000);
+  const Errors cone = PredictDrive(robot, {}, 3000);
+  EXPECT_LT(Quantile(pyramid.way, 0.99), 0.025);
+  EXPECT_LT(Quantile(pyramid.way, 0.9), 0.5 * Quantile(cone.way, 0.9));
+  EXPECT_LT(Quantile(pyramid.heading, 0.9), 0.5 * Quantile(cone.heading, 0.9));
+}
+
+// Grip comes and goes with the angles of the wheels: the mean is what is left to know.
+TEST(DriveModelTest, PredictsGazebosFrictionBestByAPyramidOfMeanGrip) {
+  sim::RobotConfig gazebo;
+  gazebo.friction = sim::FrictionLaw::kGazebo;
+  const auto way = [&](const RobotModel& robot) {
+    return Quantile(PredictDrive(gazebo, robot, 3000).way, 0.9);
+  };
+  RobotModel mean, cone, full;
+  mean.friction = cone.friction = 0.32;
+  mean.pyramid = full.pyramid = true;
+  EXPECT_LT(way(mean), way(cone));
+  EXPECT_LT(way(mean), way(full));
+}
+
 }  // namespace
 }  // namespace slalom::planners

@@ -30,11 +30,12 @@ sim::LidarConfig WithoutNoise(double field_of_view) {
 class Guarded {
  public:
   explicit Guarded(std::shared_ptr<const sim::Course> course, double delay = 0.0,
-                   GuardConfig config = {}, double field_of_view = 4.71238)
+                   GuardConfig config = {}, double field_of_view = 4.71238, double jitter = 0.0)
       : scene_(sim::MakeScene(std::move(course))),
-        robot_(RobotWithDelay(delay), kTicks),
+        robot_(RobotWithDelay(delay, jitter), kTicks),
         lidar_(WithoutNoise(field_of_view), 5.0),
-        shield_(config, {.delay = delay}, {.field_of_view = field_of_view}, kBounds, kStep),
+        shield_(config, {.least_delay = delay, .delay = delay + jitter},
+                {.field_of_view = field_of_view}, kBounds, kStep),
         ranges_(static_cast<std::size_t>(lidar_.num_beams())) {
     Reset();
   }
@@ -63,9 +64,10 @@ class Guarded {
   const sim::Robot& robot() const { return robot_; }
 
  private:
-  static sim::RobotConfig RobotWithDelay(double delay) {
+  static sim::RobotConfig RobotWithDelay(double delay, double jitter) {
     sim::RobotConfig config;
     config.command_delay = delay;
+    config.command_jitter = jitter;
     return config;
   }
 
@@ -91,13 +93,13 @@ struct Drives {
 };
 
 /// Robots that are told to drive at random, each by its shield, until they touch something.
-Drives DriveAtRandom(double delay, int num_courses) {
+Drives DriveAtRandom(double delay, double jitter, int num_courses) {
   base::Random random(7);
   Drives drives;
   for (int i = 0; i < num_courses; ++i) {
     Guarded guarded(
         test::RandomCourse(random, {.num_circles = 25, .num_boxes = 6, .clear_start = 0.6}), delay,
-        {}, 6.275);
+        {}, 6.275, jitter);
     Twist wanted;
     for (int step = 0; step < 60; ++step) {
       if (step % 4 == 0) wanted = {random.Uniform(-1.0, 2.0), random.Uniform(-3.14, 3.14)};
@@ -118,8 +120,12 @@ Drives DriveAtRandom(double delay, int num_courses) {
 }
 
 TEST(ShieldTest, WhatPassesLeadsToNoTouchThatBrakingCannotPrevent) {
-  for (const double delay : {0.0, 0.06, 0.1, 0.3}) {
-    const Drives drives = DriveAtRandom(delay, 60);
+  struct Case {
+    double delay, jitter;
+  };
+  for (const auto& [delay, jitter] :
+       {Case{0.0, 0.0}, Case{0.06, 0.0}, Case{0.1, 0.0}, Case{0.3, 0.0}, Case{0.0, 0.2}}) {
+    const Drives drives = DriveAtRandom(delay, jitter, 60);
     EXPECT_GT(drives.num_changed, drives.num_steps / 20) << "the courses are too easy";
     EXPECT_GT(drives.num_steps, 60 * 50) << "the robots do not last";
     EXPECT_EQ(drives.num_touched_after_pass, 0) << delay;
