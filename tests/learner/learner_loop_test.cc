@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "learner/run/metrics_table.h"
 #include "metrics/catalogue.h"
 #include "tests/learner/random_rows.h"
 #include "tests/support/scratch_directory.h"
@@ -50,7 +51,10 @@ class FakeSource final : public BatchSource {
   explicit FakeSource(std::vector<replay::SampleSpec> specs) : specs_(std::move(specs)) {}
 
   void Start() override { started = true; }
-  void Stop() override { started = false; }
+  void Stop() override {
+    ahead += started ? steps_at_stop : 0;
+    started = false;
+  }
   const std::vector<replay::SampledRows>* Next() override {
     EXPECT_TRUE(started);
     ++position;
@@ -62,10 +66,10 @@ class FakeSource final : public BatchSource {
     for (int i = 0; i < rows.batch; ++i) rows.n_step_return[i] *= scale;
     return &batches_->batches;
   }
-  bool IsWaiting() const override { return false; }
+  bool IsWaiting() const override { return waits; }
   bool IsAtRest() const override { return position % 2 == 0; }
   std::int64_t num_drawn() const override { return position; }
-  std::int64_t steps() const override { return position * kStepsPerUpdate; }
+  std::int64_t steps() const override { return position * kStepsPerUpdate + ahead; }
   EndedEpisodes TakeEndedEpisodes() override {
     ++num_episode_looks;
     return {};
@@ -85,10 +89,13 @@ class FakeSource final : public BatchSource {
     EXPECT_FALSE(started);
     if (fails) throw base::Error("no space");
     state["position"] = position;
+    state["ahead"] = ahead;
     saved_at.push_back(steps());
   }
   void Restore(const fs::path&, const nlohmann::json& state) override {
     position = state.at("position").get<std::int64_t>();
+    ahead = state.at("ahead").get<std::int64_t>();
+    EXPECT_EQ(state.at("steps"), steps());
   }
   void KeepOnly(const std::vector<fs::path>& checkpoints) override {
     if (cannot_clear) throw base::Error("cannot be read");
@@ -96,6 +103,9 @@ class FakeSource final : public BatchSource {
   }
 
   std::int64_t position = 0;
+  std::int64_t steps_at_stop = 0;  ///< That come while it stops, as from a thread.
+  std::int64_t ahead = 0;          ///< All of these.
+  bool waits = false;
   bool started = false;
   bool gives_none = false;
   bool fails = false;
@@ -159,8 +169,15 @@ struct Loop {
 
 TEST(LearnerLoopTest, PublishesLogsAndEndsAtItsLimit) {
   const test::ScratchDirectory scratch;
-  Loop loop(scratch.path());
+  MethodConfig method = Method();
+  method.learner.final_learning_rate_fraction = 0.0;
+  Loop loop(scratch.path(), method);
+  double half_way = 0.0;
+  loop.source.on_next = [&](std::int64_t position) {
+    if (position == 51) half_way = loop.source.reported.learning.critic_learning_rate;
+  };
   EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_NEAR(half_way, 0.5 * method.learner.critic_learning_rate, 1e-2 * half_way);
   std::vector<std::int64_t> expected;
   for (std::int64_t version = 7; version <= 100; version += 7) expected.push_back(version);
   EXPECT_EQ(loop.sink.versions, expected);
@@ -193,7 +210,7 @@ TEST(LearnerLoopTest, CheckpointsAndSnapshotsWaitUntilTheSourceIsAtRest) {
   const test::ScratchDirectory scratch;
   Loop loop(scratch.path());
   loop.plan.run.settings.checkpoint_steps = 200;  // Of 8 steps a turn, and at rest every 16.
-  loop.plan.run.settings.snapshot_steps = {300};
+  loop.plan.run.settings.snapshot_steps = {304};
   EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
   EXPECT_THAT(loop.source.saved_at, ElementsAre(208, 400, 608, 800));
   EXPECT_EQ(loop.source.kept, 2u);
@@ -212,6 +229,41 @@ TEST(LearnerLoopTest, CheckpointsByTimeAreAsFarApartAsTheSecondsSay) {
   ASSERT_GE(saved_at_s.size(), 3u);
   for (std::size_t i = 1; i < saved_at_s.size(); ++i) {
     EXPECT_NEAR(saved_at_s[i] - saved_at_s[i - 1], 0.2, 0.1) << i;
+  }
+  Loop lockstep(scratch.path() / "lockstep");
+  lockstep.plan.run.settings.checkpoint_seconds = 0.2;
+  lockstep.plan.run.settings.deterministic = true;
+  EXPECT_EQ(lockstep.Run(), TrainingEnd::kFinished);
+  EXPECT_THAT(lockstep.source.saved_at, ElementsAre(800)) << "the clock decides nothing";
+}
+
+// Two waits of 0.6 s, and one of 4 s, of which a second counts.
+TEST(LearnerLoopTest, TimeCountsWhileItWaitsForAMoment) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  const auto wait_s = [](std::int64_t position) {
+    if (position == 30 || position == 50) return 0.6;
+    return position >= 70 && position < 80 ? 0.4 : 0.0;
+  };
+  loop.source.on_next = [&](std::int64_t position) {
+    loop.source.waits = wait_s(position) > 0.0;
+    loop.now_s += wait_s(position);
+  };
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_NEAR(loop.now_s - loop.source.reported.training_s, 10 * 0.4 - 1.0, 0.45);
+}
+
+// A learner of a service makes the updates that its steps have earned; its time ends all the same.
+TEST(LearnerLoopTest, MakesAllUpdatesThatTheStepsHaveEarned) {
+  const test::ScratchDirectory scratch;
+  for (const double max_seconds : {0.0, 1e-9}) {
+    Loop loop(scratch.path() / std::to_string(max_seconds));
+    loop.plan.makes_all_updates = true;
+    loop.plan.run.settings.updates_per_step = 0.15;
+    loop.plan.run.settings.learning_starts = 80;
+    loop.plan.run.settings.max_seconds = max_seconds;
+    EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+    EXPECT_EQ(loop.learner.num_updates(), max_seconds > 0.0 ? 1 : 108);  // 0.15 (800 - 80).
   }
 }
 
@@ -232,30 +284,63 @@ TEST(LearnerLoopTest, ARowTellsThePaceSinceTheOneBefore) {
   EXPECT_NEAR(paces[1], paces[0], 1e-6 * paces[0]);
 }
 
-TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSame) {
+// A stop makes a checkpoint; after a kill, the run goes on from the one before.
+TEST(LearnerLoopTest, ARunStoppedOrKilledAndResumedEndsWithTheSameBitsAndPublishedTheSame) {
   const test::ScratchDirectory scratch;
-  Loop whole(scratch.path() / "whole");
-  EXPECT_EQ(whole.Run(), TrainingEnd::kFinished);
+  for (const bool is_killed : {false, true}) {
+    const fs::path root = scratch.path() / (is_killed ? "killed" : "stopped");
+    Loop whole(root / "whole"), part(root / "parts"), rest(root / "parts");
+    for (Loop* loop : {&whole, &part, &rest}) loop->plan.run.settings.checkpoint_steps = 160;
+    EXPECT_EQ(whole.Run(), TrainingEnd::kFinished);
+    std::stop_source stop;
+    part.source.on_next = [&](std::int64_t position) {
+      if (position == 38 && is_killed) throw base::Error("killed");
+      if (position == 38) stop.request_stop();
+    };
+    if (is_killed) {
+      EXPECT_THROW(part.Run(), base::Error);
+    } else {
+      EXPECT_EQ(part.Run(false, stop.get_token()), TrainingEnd::kStopped);
+    }
+    const std::int64_t resumed_at = part.source.saved_at.back() / kStepsPerUpdate;
+    EXPECT_EQ(resumed_at, is_killed ? 20 : 38);
+    EXPECT_EQ(rest.Run(true), TrainingEnd::kFinished);
+    EXPECT_EQ(*rest.learner.Snapshot().weights, *whole.learner.Snapshot().weights);
+    std::vector<std::int64_t> published = part.sink.versions;
+    std::erase_if(published, [=](std::int64_t version) { return version > resumed_at; });
+    published.insert(published.end(), rest.sink.versions.begin(), rest.sink.versions.end());
+    EXPECT_EQ(published, whole.sink.versions);
+    EXPECT_EQ(rest.source.num_episode_looks, rest.sink.versions.size());
+    EXPECT_EQ(part.source.saved_at.front(), whole.source.saved_at.front());
+    EXPECT_EQ(rest.source.saved_at.front(), 320);
+    if (is_killed) {
+      const auto rows = run::ReadMetrics(rest.plan.run.directory.metrics(), 1000);
+      const auto expected = run::ReadMetrics(whole.plan.run.directory.metrics(), 1000);
+      EXPECT_EQ(rows.Column("steps"), expected.Column("steps"));
+      EXPECT_LT(std::ranges::max(rows.Column("steps_per_s")),
+                1.5 * std::ranges::max(expected.Column("steps_per_s")));
+    }
+    // At its limit already: nothing is done again but what a crash may have left undone.
+    fs::remove(rest.plan.run.directory.policy());
+    Loop again(root / "parts");
+    EXPECT_EQ(again.Run(true), TrainingEnd::kWasFinished);
+    EXPECT_TRUE(again.HasPolicy());
+    EXPECT_EQ(again.sink.num_served, 0);
+  }
+}
+
+// The steps of a checkpoint are those of its data.
+TEST(LearnerLoopTest, StepsThatComeWhileItStopsCount) {
+  const test::ScratchDirectory scratch;
   std::stop_source stop;
-  Loop part(scratch.path() / "parts");
-  part.source.on_next = [&stop](std::int64_t position) {
-    if (position == 38) stop.request_stop();
+  Loop part(scratch.path()), rest(scratch.path());
+  part.plan.run.settings.checkpoint_steps = 200;
+  part.source.steps_at_stop = 3;
+  part.source.on_next = [](std::int64_t position) {
+    if (position == 38) throw base::Error("killed");
   };
-  EXPECT_EQ(part.Run(false, stop.get_token()), TrainingEnd::kStopped);
-  Loop rest(scratch.path() / "parts");
+  EXPECT_THROW(part.Run(), base::Error);
   EXPECT_EQ(rest.Run(true), TrainingEnd::kFinished);
-  EXPECT_EQ(*rest.learner.Snapshot().weights, *whole.learner.Snapshot().weights);
-  std::vector<std::int64_t> published = part.sink.versions;
-  published.insert(published.end(), rest.sink.versions.begin(), rest.sink.versions.end());
-  EXPECT_EQ(published, whole.sink.versions);
-  EXPECT_EQ(part.source.num_episode_looks + rest.source.num_episode_looks,
-            whole.source.num_episode_looks);
-  // At its limit already: nothing is done again but what a crash may have left undone.
-  fs::remove(rest.plan.run.directory.policy());
-  Loop again(scratch.path() / "parts");
-  EXPECT_EQ(again.Run(true), TrainingEnd::kWasFinished);
-  EXPECT_TRUE(again.HasPolicy());
-  EXPECT_EQ(again.sink.num_served, 0);
 }
 
 TEST(LearnerLoopTest, SnapshotsFallOnTheSamePlaceWhereverTheRunWasStopped) {

@@ -10,9 +10,12 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "base/error.h"
@@ -228,25 +231,6 @@ TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   EXPECT_EQ(Policy(directory).snapshot.version, kUpdates);
 }
 
-TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
-  const test::ScratchDirectory scratch;
-  const FilledReplay replay;
-  Learn(replay.endpoint(), scratch.path() / "run", kUpdates, [](const std::string& endpoint) {
-    transport::Context context;
-    std::vector<std::int64_t> versions;
-    service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
-                             [&](std::span<const std::byte> bytes) {
-                               const auto policy = policy::ParsePolicy(bytes, "policy");
-                               versions.push_back(policy.snapshot.version);
-                               return std::nullopt;
-                             });
-    // All updates were made before, so the last policy comes at the latest in the time between two.
-    WaitUntil([&] { return link.Poll() && link.version() > kUpdates - 11; });
-    EXPECT_EQ(link.version(), versions.back());
-    EXPECT_TRUE(std::ranges::is_sorted(versions, std::less_equal<>()));
-  });
-}
-
 TEST(PolicyServerTest, TheOldestVersionHeldIsThatOfTheReaderFurthestBehind) {
   transport::Context context;
   metrics::Registry registry("learner", "learner");
@@ -268,6 +252,71 @@ TEST(PolicyServerTest, TheOldestVersionHeldIsThatOfTheReaderFurthestBehind) {
     return server.num_readers() == 3;
   });
   EXPECT_EQ(server.oldest_held(), 1);
+}
+
+TEST(PolicyServerTest, AReaderGetsEachPolicyOnceAsItLastAskedForIt) {
+  transport::Context context;
+  metrics::Registry registry("learner", "learner");
+  PolicyServer server(context, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry);
+  policy::PolicySnapshot acting = Learner({}, Spec(), 1).Snapshot();
+  const auto publish = [&](std::int64_t version) {
+    acting.version = version;
+    const ShippedPolicy shipped = [version](const nn::Metadata&) {
+      return PolicyFile{version, "shipped " + std::to_string(version)};
+    };
+    server.Publish(acting, shipped, 100 * version);
+  };
+  transport::Client reader(context, {.endpoint = server.endpoint()});
+  const auto ask = [&](std::int64_t held, bool shipped) {
+    const proto::SnapshotRequest request{held, "reader", shipped, false};
+    WaitUntil([&] {
+      return reader.Send({transport::Frame::Copy(proto::Encode(request, {})), {}});
+    });
+  };
+  std::int64_t published_ns = 0;
+  const auto expect = [&](std::int64_t version, bool shipped) {
+    std::optional<transport::Message> message;
+    WaitUntil([&] {
+      server.Poll(milliseconds(1));
+      message = reader.Receive(milliseconds(1));
+      return message.has_value();
+    });
+    const auto header = proto::Decode(message->header.bytes(), message->payload.bytes());
+    const auto snapshot = std::get<proto::Snapshot>(*header);
+    EXPECT_EQ(snapshot.version, version);
+    EXPECT_EQ(snapshot.learner_steps, 100 * version);
+    EXPECT_GT(snapshot.published_ns, std::exchange(published_ns, snapshot.published_ns));
+    const auto bytes = message->payload.bytes();
+    const std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    if (shipped) {
+      EXPECT_EQ(text, "shipped " + std::to_string(version));
+    } else {
+      EXPECT_EQ(policy::ParsePolicy(bytes, "policy").snapshot.version, version);
+    }
+  };
+  const auto expect_nothing = [&] {
+    for (int i = 0; i < 20; ++i) {
+      server.Poll(milliseconds(1));
+      EXPECT_FALSE(reader.Receive(milliseconds(1)));
+    }
+  };
+  publish(1);
+  ask(0, false);
+  expect(1, false);
+  ask(1, false);
+  expect_nothing();
+  EXPECT_EQ(server.oldest_held(), 1);
+  publish(2);
+  expect(2, false);
+  publish(3);
+  expect_nothing();  // It has not asked since.
+  ask(2, true);
+  expect(3, true);
+  ask(3, true);
+  expect_nothing();
+  publish(4);
+  expect(4, true);
+  EXPECT_EQ(server.oldest_held(), 3);
 }
 
 // What an evaluator scores is the file that the run saves: averaged weights, config and provenance.
@@ -397,7 +446,7 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   const FilledReplay replay;
   const std::vector<replay::SampleSpec> kinds = {{.batch = 16, .n_step = 4},
                                                  {.batch = 24, .n_step = 1}};
-  const auto read = [&](std::uint64_t cursor, int count) {
+  const auto read = [&](std::uint64_t cursor, int count, bool reconnects = false) {
     transport::Context context;
     BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams, kinds, 3,
                        cursor);
@@ -406,6 +455,7 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
       const RemoteBatches* batches = nullptr;
       WaitUntil([&] { return (batches = stream.Next(milliseconds(100))) != nullptr; });
       EXPECT_EQ(stream.cursor(), cursor + 2 * (i + 1));
+      if (reconnects) stream.link().client().Reconnect();
       for (const replay::SampledRows& rows : batches->rows) {
         discounts.emplace_back(rows.discount.data(), rows.discount.data() + rows.batch);
       }
@@ -421,6 +471,7 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   }
   const auto later = read(8, 2);
   EXPECT_EQ(later, std::vector(all.begin() + 8, all.end()));
+  EXPECT_EQ(read(0, 4, /*reconnects=*/true), std::vector(all.begin(), all.begin() + 8));
 }
 
 TEST(BatchStreamTest, EndsIfALearnerOfItsNameStartsLater) {
@@ -473,7 +524,9 @@ TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
       }
       if (every > 0 && i % every == 0) stream.AskWindows(window);
     }
-    EXPECT_EQ(num_windows > 0, every > 0);
+    // One at a time, each of which is told once.
+    EXPECT_GE(num_windows, every > 0 ? 3 : 0);
+    EXPECT_LE(num_windows, every > 0 ? 1 + kUpdates / every : 0);
     return sequences;
   };
   const auto with_windows = read(10);

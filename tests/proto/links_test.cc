@@ -81,6 +81,9 @@ TEST(ReplayLinkTest, SaysHelloOnceOnEachConnection) {
         EXPECT_EQ(said->session, 3u);
         EXPECT_FALSE(link.welcomed());
         ++num_hellos;
+        far.Answer(proto::Welcome{.session = 2, .window_bytes = 1, .software = "test"});
+        link.Receive(milliseconds(200));
+        EXPECT_FALSE(link.welcomed()) << "an answer to an earlier hello";
         far.Answer(proto::Welcome{.session = 3, .window_bytes = 1, .software = "test"});
       }
       return link.num_welcomes() == connection;
@@ -91,6 +94,19 @@ TEST(ReplayLinkTest, SaysHelloOnceOnEachConnection) {
     EXPECT_EQ(num_hellos, 1) << connection;
     EXPECT_TRUE(link.welcomed());
     EXPECT_EQ(link.connections(), connection);
+    int num_reports = 0;
+    const auto report = [&] {
+      link.ReportEverySecond([&] {
+        ++num_reports;
+        return proto::Report{.role = "learner", .name = "l", .figures = {}, .facts = {}};
+      });
+      return num_reports;
+    };
+    Until([&] {
+      link.Receive(milliseconds(1));
+      return report() == 1;
+    });
+    EXPECT_EQ(report(), 1);
     far.Stop();
     Until([&] {
       link.Receive(milliseconds(1));
@@ -127,6 +143,7 @@ TEST(PolicyLinkTest, AsksOnEachConnectionAndAfterEachAnswer) {
   };
   for (int connection = 1; connection <= 3; ++connection) {
     expect_request();
+    if (connection == 3) seen = 0;  // The learner has gone back to a checkpoint.
     publish("1");
     Until([&] { return link.Poll(); });
     EXPECT_EQ(link.version(), seen);

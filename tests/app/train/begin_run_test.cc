@@ -6,6 +6,7 @@
 #include <ostream>
 #include <string>
 
+#include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
@@ -34,6 +35,7 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
   config.run.max_steps *= 2;
   config.evaluation.episodes_per_course = 3;
   EXPECT_NO_THROW(ResumeRun(directory, config));
+  EXPECT_EQ(base::ReadFile(directory.config()), config::ToToml(config));
   config.method.learner.gamma = 0.9;
   try {
     ResumeRun(directory, config);

@@ -2,11 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <stdexcept>
+#include <vector>
 
+#include "app/train/table_source.h"
 #include "learner/learner.h"
+#include "metrics/catalogue.h"
 #include "policy/network_agent.h"
 #include "tests/support/fake_environment.h"
+#include "tests/support/scratch_directory.h"
 
 namespace slalom::train {
 namespace {
@@ -120,6 +126,65 @@ TEST(ThreadedCollectorTest, WhatTheActorThrowsReachesTheLearner) {
         while (auto chunk = collector.Next()) collector.Recycle(std::move(chunk));
       },
       std::runtime_error);
+}
+
+/// A source whose batches nobody learns from.
+struct Source : Fixture {
+  Source(const std::filesystem::path& checkpoints, bool deterministic)
+      : table({.capacity = 1000}, kBeams),
+        source(Config(deterministic), {kSpec}, actor, agent, table, checkpoints, registry) {
+    source.Start();
+  }
+  static RunConfig Config(bool deterministic) {
+    RunConfig config;
+    config.run.deterministic = deterministic;
+    config.run.updates_per_step = 0.1;
+    config.run.learning_starts = 100;
+    return config;
+  }
+
+  static constexpr replay::SampleSpec kSpec{.batch = 4, .history = 1, .n_step = 1};
+  metrics::Registry registry{"train", "test"};
+  replay::Table table;
+  TableSource source;
+};
+
+TEST(TableSourceTest, TellsEachEpisodeOnceAndSamplesForFiguresChangeNoBatch) {
+  const slalom::test::ScratchDirectory scratch;
+  Source plain(scratch.path() / "a", true), asked(scratch.path() / "b", true);
+  std::int64_t num_ended = 0;
+  int num_batches = 0;
+  for (int turn = 0; turn < 600; ++turn) {
+    const auto *expected = plain.source.Next(), *found = asked.source.Next();
+    ASSERT_EQ(found == nullptr, expected == nullptr);
+    if (found != nullptr) {
+      EXPECT_TRUE(std::ranges::equal(found->at(0).sequence, expected->at(0).sequence)) << turn;
+      ++num_batches;
+    }
+    (void)asked.source.SampleForFigures(Source::kSpec);
+    if (turn % 50 == 49) num_ended += plain.source.TakeEndedEpisodes().count;
+  }
+  run::MetricsRow row;
+  plain.source.Describe(row);
+  EXPECT_GT(row.episodes, 10);
+  EXPECT_EQ(num_ended, row.episodes);
+  EXPECT_EQ(plain.source.num_drawn(), num_batches);
+  const auto waited = [](Source& source) {
+    return source.registry.counter(metrics::kBlockedSeconds, {metrics::queue::kBatches}).value();
+  };
+  EXPECT_EQ(waited(plain), 0.0) << "it steps the actor itself";
+}
+
+TEST(TableSourceTest, NoStepIsLostHoweverOftenItIsStopped) {
+  const slalom::test::ScratchDirectory scratch;
+  Source threads(scratch.path(), false);
+  for (int round = 0; round < 10; ++round) {
+    threads.source.Start();
+    for (int turn = 0; turn < 5 * round; ++turn) (void)threads.source.Next();
+    threads.source.Stop();
+    EXPECT_EQ(threads.source.steps(), threads.actor.stats().num_steps);
+    EXPECT_EQ(threads.table.num_steps(), std::min<std::int64_t>(threads.source.steps(), 1000));
+  }
 }
 
 }  // namespace

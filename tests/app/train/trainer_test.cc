@@ -153,16 +153,6 @@ TEST(TrainerTest, ARunStartsFromAPolicyOfWhichItKeepsACopy) {
   }
 }
 
-TEST(TrainerTest, AStoppedRunIsSavedAndGoesOn) {
-  const test::ScratchDirectory scratch;
-  const RunConfig config = SmallRun();
-  const run::RunDirectory directory{scratch.path() / "run"};
-  std::stop_source stopped;
-  stopped.request_stop();
-  EXPECT_EQ(RunOnce(config, directory, false, stopped.get_token()), TrainingEnd::kStopped);
-  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished);
-}
-
 TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
@@ -352,6 +342,8 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
     fs::resize_file(damaged, fs::file_size(damaged) / 2);
     EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished) << name;
     EXPECT_EQ(*Policy(directory).weights, weights) << name;
+    EXPECT_TRUE(fs::exists(checkpoints[0].string() + ".damaged")) << name;
+    fs::remove_all(checkpoints[0].string() + ".damaged");
   }
   // One that is passed over must not stand in the way of those written after it.
   fs::remove(run::CheckpointStore(directory.checkpoints()).List()[0] / "replay.manifest");

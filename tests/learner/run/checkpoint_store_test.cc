@@ -116,6 +116,7 @@ TEST(CheckpointStoreTest, TheSameStepAgainReplacesTheOld) {
   WriteOne(store, 10, "new");
   ASSERT_EQ(store.List().size(), 1u);
   EXPECT_EQ(base::ReadFile(store.List()[0] / "a"), "new");
+  EXPECT_EQ(std::distance(fs::directory_iterator(store.directory()), {}), 1);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ using testing::HasSubstr;
 MetricsRow Healthy(int row) {
   MetricsRow metrics;
   metrics.updates = 100 * row;
-  metrics.episodes = 20 * row;
+  metrics.episodes = 500 + 20 * row;  // The first are of earlier sessions.
   metrics.success_rate = 0.1;
   metrics.learning.actor_gradient_norm = 1e-12;
   metrics.learning.critic_gradient_norm = 2.0;

@@ -55,37 +55,6 @@ struct Scene {
   }
 };
 
-TEST(Dwa, DrivesStraightAtFullSpeed) {
-  const Scene scene{LocalMap({}), StraightPath({0.0, 0.0}, {8.0, 0.0}), {}, {}};
-  DwaPlanner planner({}, {});
-  planner.Reset(0);
-  EXPECT_EQ(planner.ComputeCommand(scene.view()), (Twist{0.5, 0.0}));
-}
-
-TEST(Dwa, ScoresByHand) {
-  // The path's last cell on the map is that of x = 4.975, cell 199; the robot is in cell 100.
-  const Scene scene{LocalMap({}), StraightPath({0.0, 0.0}, {8.0, 0.0}), {{0.02, 0.02}, 0.0}, {}};
-  DwaPlanner planner({}, {});
-  planner.Reset(0);
-  ASSERT_TRUE(planner.ComputeCommand(scene.view()));
-  // 50 poses, 0.04 s apart; the first step reaches 10 m/s^2 * 0.04 s = 0.4 m/s, so the last pose is
-  // 0.016 + 48 * 0.02 = 0.976 m ahead, at x = 0.996, in cell 119: 80 steps from the goal.
-  const auto ahead = planner.Score(scene.view(), {0.5, 0.0});
-  EXPECT_NEAR(ahead.end.p.x, 0.996, 1e-12);
-  EXPECT_NEAR(ahead.cost, 0.05 * 1.0 * 80, 1e-12);
-  // On the spot: at the path, 99 steps from the goal; 1.57 / 0.02 = 78.5, so 79 poses of 0.0253 s,
-  // 78 steps, the first of which turns at 20 rad/s^2 * 0.0253 s = 0.506 rad/s.
-  const auto turn = planner.Score(scene.view(), {0.0, 1.57});
-  const double dt = 2.0 / 79;
-  double yaw = 0.0, rate = 0.0;
-  for (int i = 0; i < 78; ++i) {
-    rate = std::min(1.57, rate + 20.0 * dt);
-    yaw += rate * dt;
-  }
-  EXPECT_NEAR(turn.end.yaw, yaw, 1e-12);
-  EXPECT_NEAR(turn.cost, 0.05 * 1.0 * 99, 1e-12);
-}
-
 TEST(Dwa, CountsTheHighestCostUnderTheOutline) {
   // The outline's upper edge, y = 0.265, runs 0.26 to 0.28 m below this obstacle's cell.
   const Scene scene{
@@ -102,31 +71,6 @@ TEST(Dwa, CountsTheHighestCostUnderTheOutline) {
   in_cells.Reset(0);
   ASSERT_TRUE(in_cells.ComputeCommand(scene.view()));
   EXPECT_NEAR(in_cells.Score(scene.view(), {0.5, 0.0}).cost, 80 + 0.1 * 177, 1e-12);
-}
-
-TEST(Dwa, SlowsDownBeforeTheEndOfThePath) {
-  const Scene scene{LocalMap({}), StraightPath({0.0, 0.0}, {0.6, 0.0}), {}, {0.5, 0.0}};
-  DwaPlanner planner({}, {});
-  planner.Reset(0);
-  const auto command = planner.ComputeCommand(scene.view());
-  ASSERT_TRUE(command);
-  EXPECT_LE(command->linear, 0.3 + 1e-12);  // 0.6 m in 2 s.
-  EXPECT_GT(command->linear, 0.0);
-}
-
-TEST(Dwa, NeverChoosesAheadWhatHits) {
-  std::vector<base::Vec2> obstacles;
-  AddWall({0.6, -2.0}, {0.6, 2.0}, obstacles);
-  std::vector<base::Vec2> path = StraightPath({0.0, 0.0}, {0.0, 2.5});
-  for (const base::Vec2 p : StraightPath({0.0, 2.5}, {3.0, 2.5})) path.push_back(p);
-  const Scene scene{LocalMap(obstacles), path, {}, {0.5, 0.0}};
-  DwaPlanner planner({}, {});
-  planner.Reset(0);
-  const auto command = planner.ComputeCommand(scene.view());
-  ASSERT_TRUE(command);
-  EXPECT_GT(command->angular, 0.0) << "turns left, to the path";
-  EXPECT_GE(planner.Score(scene.view(), *command).cost, 0.0);
-  EXPECT_EQ(planner.Score(scene.view(), {0.5, 0.0}).cost, DwaPlanner::Trajectory::kHits);
 }
 
 TEST(Dwa, BacksUpWhereNothingElseIsAdmissible) {

@@ -53,6 +53,10 @@ TEST_F(FlowControlTest, WhoeverUsesItsCreditKeepsIt) {
 TEST_F(FlowControlTest, CreditThatNobodyWaitsForIsKept) {
   flow_.Detach(2);
   flow_.Detach(3);
+  flow_.Take(1, 100, kStart);
+  flow_.Release(1, 100);
+  EXPECT_THAT(flow_.Grant(kStart, 1), ElementsAre(1));
+  EXPECT_EQ(flow_.window(1), 1000) << "what it had, and what it took";
   flow_.Grant(kStart + milliseconds(10), 1);
   flow_.Grant(kStart + std::chrono::hours(1), 1);
   EXPECT_EQ(flow_.window(1), 1000);
@@ -94,6 +98,22 @@ TEST_F(FlowControlTest, WhatAForgottenSessionLeftFillsTheRoomUntilItIsWritten) {
   EXPECT_THAT(flow_.Grant(kStart + milliseconds(1), 4), IsEmpty()) << "300 are too few for a chunk";
   flow_.ReleaseForgotten(700);
   EXPECT_THAT(flow_.Grant(kStart + milliseconds(2), 4), ElementsAre(2));
+  EXPECT_EQ(flow_.window(2), 1000) << "and its credit as well";
+}
+
+TEST_F(FlowControlTest, ASessionOfSmallChunksIsContentWithLittleRoom) {
+  for (int i = 0; i < 20; ++i) {
+    flow_.Take(1, 50, kStart);
+    flow_.Release(1, 50);
+  }
+  flow_.Detach(1);
+  EXPECT_THAT(flow_.Grant(kStart, 4), ElementsAre(2));
+  flow_.Detach(3);
+  flow_.Take(2, 900, kStart);
+  flow_.Detach(2);
+  flow_.Attach(1);
+  EXPECT_THAT(flow_.Grant(kStart, 4), ElementsAre(1));
+  EXPECT_EQ(flow_.window(1), 100);
 }
 
 // Sessions that send, are written, come and go at random, and keep to what they were told.

@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 
 #include "metrics/catalogue.h"
 #include "tests/replay/service/model_actor.h"
@@ -23,6 +24,9 @@ constexpr int kBeams = 1;
 
 /// The parts of a server whose figures are shown.
 struct Parts {
+  explicit Parts(Sessions known = {}) : sessions(std::move(known)) {}
+
+  Sessions sessions;
   ReplayServerSpec spec{.endpoint = "",
                         .table = {.capacity = 100},
                         .shape = kBeams,
@@ -34,8 +38,14 @@ struct Parts {
   RateLimiter limiter{{.updates_per_step = 1.0, .learning_starts = 10}, 0};
   FakeNetwork network;
   NoLog log;
-  InsertDesk inserts{{}, {}, &table, &limiter, &log, &network};
-  SampleDesk samples{{}, &table, &limiter, &network};
+  InsertDesk inserts{
+      {.flow = {.window_bytes = 1 << 20, .room_bytes = 1 << 20, .chunk_bytes = 1 << 10}},
+      sessions,
+      &table,
+      &limiter,
+      &log,
+      &network};
+  SampleDesk samples{{.max_sample_bytes = 1 << 20}, &table, &limiter, &network};
 
   ServerMetrics::Sources Sources() {
     return {.table = &table, .limiter = &limiter, .inserts = &inserts, .samples = &samples};
@@ -75,32 +85,62 @@ TEST(ServerMetricsTest, TimeThatWorkIsHeldCountsAtItsQueue) {
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"actor"}).value(), 2);
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"learner"}).value(), 1);
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"evaluator"}).value(), 0);
+  sources.peers = {{"actor", 1}};
+  parts.shown.Show(sources, now + seconds(3));
+  EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"actor"}).value(), 1);
+  EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"learner"}).value(), 0);
 }
 
 TEST(ServerMetricsTest, RatesAreThoseSinceTheReportBefore) {
-  Parts parts;
+  constexpr std::int64_t kRecovered = 40;
+  Recovered recovered{.table = Table({.capacity = 100}, kBeams), .sessions = {}, .segments = {}};
+  ASSERT_TRUE(recovered.sessions.Put({.id = 1, .name = "a", .number = 1, .num_streams = 2}).ok());
+  ASSERT_FALSE(recovered.sessions.Accept(1, 0, kRecovered));
+  Parts parts(recovered.sessions);
+  parts.limiter.AddSteps(kRecovered);
+  parts.shown.ShowRecovery(recovered);
   RowsSource source(kBeams, 2, 1);
-  for (int i = 0; i < 20; ++i) parts.table.Insert(source.Next(3));
-  parts.limiter.AddSteps(parts.table.num_steps());
-  const transport::PeerId learner = parts.network.Connect();
+  const transport::PeerId learner = parts.network.Connect(), actor = parts.network.Connect();
   const auto now = std::chrono::steady_clock::now();
-  const auto rate_after = [&](int second, std::uint64_t num_batches) {
-    for (std::uint64_t i = 0; i < num_batches; ++i) {
+  const auto take_all = [&](const transport::PeerId& peer) {
+    int count = 0;
+    while (parts.network.Take(peer)) ++count;
+    return count;
+  };
+  parts.inserts.Hello(actor, {.role = "actor", .name = "a", .session = 1, .num_streams = 2}, now);
+  std::uint64_t sequence = 1;
+  const auto rates_after = [&](int second, int num_chunks, int num_batches) {
+    for (int i = 0; i < num_chunks; ++i) {
+      const Chunk chunk = source.Next(1);
+      parts.inserts.Insert(actor,
+                           {.session = 1,
+                            .sequence = sequence++,
+                            .num_rows = chunk.num_rows(),
+                            .num_beams = kBeams,
+                            .num_steps = RowsSource::NumSteps(chunk)},
+                           RowsSource::Bytes(chunk), now);
+      parts.inserts.Advance(now, 10);
+      EXPECT_GT(take_all(actor), 0);
+    }
+    for (int i = 0; i < num_batches; ++i) {
       parts.samples.Ask(learner, "learner",
                         {.cursor = static_cast<std::uint64_t>(parts.samples.counts().batches),
                          .batch = 4,
                          .history = 1,
                          .n_step = 1});
       parts.samples.Advance(1, 0.0);
-      EXPECT_TRUE(parts.network.Take(learner));
+      EXPECT_EQ(take_all(learner), 1);
     }
     parts.shown.Show(parts.Sources(), now + seconds(second));
-    return parts.shown.report().figures.at("batches_per_s");
+    const auto& figures = parts.shown.report().figures;
+    return std::pair(figures.at("steps_per_s"), figures.at("batches_per_s"));
   };
-  rate_after(0, 0);
-  EXPECT_DOUBLE_EQ(rate_after(1, 6), 6.0);
-  EXPECT_DOUBLE_EQ(rate_after(3, 4), 2.0);
-  EXPECT_DOUBLE_EQ(rate_after(4, 0), 0.0);
+  EXPECT_EQ(rates_after(1, 0, 0).first, 0.0) << "what was recovered is no news";
+  EXPECT_EQ(rates_after(2, 9, 6), std::pair(18.0, 6.0));
+  EXPECT_EQ(rates_after(4, 6, 4), std::pair(6.0, 2.0));
+  EXPECT_EQ(rates_after(5, 0, 0), std::pair(0.0, 0.0));
+  // 10 batches of 4 for the steps beyond the first 10.
+  EXPECT_DOUBLE_EQ(parts.GaugeOf(metrics::kSamplesPerInsert), 10 * 4.0 / (kRecovered + 30 - 10));
 }
 
 TEST(ServerMetricsTest, AJournalThatFailsIsToldAndTheAgeOfItsLastSync) {
@@ -127,6 +167,9 @@ TEST(ServerMetricsTest, AJournalThatFailsIsToldAndTheAgeOfItsLastSync) {
   EXPECT_GE(parts.GaugeOf(metrics::kJournalSyncTimestamp), before - 0.001);
   EXPECT_LE(parts.GaugeOf(metrics::kJournalSyncTimestamp), synced + 0.001);
   EXPECT_EQ(parts.GaugeOf(metrics::kJournalBytes), journal.status().disk_bytes);
+  for (const std::int64_t shown = journal.status().syncs; journal.status().syncs <= shown;) {
+    std::this_thread::yield();
+  }
   {
     const test::FailingCalls failing(
         {.function = "f*sync", .path = "*", .error = EIO, .last = 1000000}, scratch.path() / "n");
