@@ -29,7 +29,9 @@ bool HasLearnedNothing(RunPlan plan, std::int64_t from, std::int64_t to, double 
     row.learning.actor_gradient_norm = 0.0;
     row.learning.critic_gradient_norm = 1.0;
     EXPECT_EQ(run.Log(row).updates_per_s, updates == from ? 0.0 : 1.0);
-    if (updates > 0) EXPECT_NEAR(run.SecondsLeft(), 5000.0 - static_cast<double>(updates), 1e-6);
+    if (updates > 0) {
+      EXPECT_NEAR(run.SecondsLeft(), 5000.0 - static_cast<double>(updates), 1e-6);
+    }
   }
   run.Checkpoint(to, [](const auto&, auto&) {});
   return run.watch().nothing_learned();
