@@ -2,7 +2,8 @@
 # docs/testing.md says what a tier is for and how long each part takes.
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3 libode-dev libmujoco-dev)
-all_packages=(libbenchmark-dev clang libclang-rt-dev clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
+all_packages=(libbenchmark-dev clang libclang-rt-dev clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge
+  python3-rospy python3-rosmaster python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-tf2-msgs)
 
 test_help() {
   cat <<'HELP'
@@ -30,6 +31,7 @@ Parts:
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
+  ros       the nodes of ros/slalom_ros: their logic, and drives through topics of ROS 1, and of ROS 2 in a virtual environment --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, wheels, packages and image compiled for Debian 13, a minute for each fuzzer        --soak
 HELP
@@ -169,7 +171,8 @@ with_python() {
     --set run.max_seconds=0 --set run.max_steps=100000
   SLALOM_POLICY=$runs/tiny/policy.safetensors SLALOM_PROGRAM=$program "$@"
 }
-part_python() { with_python run_ctest python; }
+part_python() { with_python run_ctest python -LE ros; }
+part_ros() { with_python run_ctest python -L ros; }
 soak_python() {
   PYTHONPATH=$root/build/python/python with_python bash "$root/tests/app/python/soak.sh" "$root/build/python/soak"
 }
@@ -219,7 +222,7 @@ part_soak() {
 }
 
 # What each part takes from a clean clone on a slow machine with two cores [s].
-declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [dev]=100 [deploy]=1350 [drills]=850 [arm64]=180)
+declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [ros]=210 [dev]=100 [deploy]=1350 [drills]=850 [arm64]=180)
 
 # ends_within MINUTES PART ELAPSED USUAL: whether a part would end in time, if it is as much slower or faster than usual as what
 # took ELAPSED seconds here and takes USUAL usually. 0 minutes: always.
@@ -246,7 +249,7 @@ write_record() {
 
 # Each part in a shell of its own, so that one which fails does not keep the others from running.
 run_tests() {
-  local parts=(format release deploy drills dev arm64 asan tsan tidy python fuzz soak) chosen=() ctest_arguments=() record="" within=0
+  local parts=(format release deploy drills dev arm64 asan tsan tidy python ros fuzz soak) chosen=() ctest_arguments=() record="" within=0
   tier=quick tier_option=""
   while (($# > 0)); do
     case $1 in
@@ -274,7 +277,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release asan fuzz tsan tidy python dev deploy drills arm64)  # With --within the last ones are left out first.
+      chosen=(format release asan fuzz tsan tidy python ros dev deploy drills arm64)  # With --within the last ones are left out first.
     else
       chosen=(soak)
     fi
@@ -296,9 +299,10 @@ run_tests() {
     fi
     say "test: $part, after $(((SECONDS + 30) / 60)) minutes"
     usual=$((usual + ${usual_seconds[$part]-0}))
-    # The tests of these are those of the release build.
+    # The tests of these are those of another part's build.
     preset=$part
     [[ $part != @(soak|deploy|drills) ]] || preset=release
+    [[ $part != ros ]] || preset=python
     rm -f "$root/build/$preset.ctest.log" "$root/build/$preset.ctest-details.log"
     start=$SECONDS
     status=0

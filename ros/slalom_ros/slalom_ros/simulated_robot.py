@@ -1,0 +1,200 @@
+"""The simulator as a robot, without ROS: it is the agent of an evaluation, and asks a port for each command.
+
+So the protocols, the files and the reports are those of `slalom.evaluate`, and so are the episodes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import tomllib
+from typing import Any, Callable, NamedTuple, Optional, Protocol
+
+import numpy as np
+
+from .bridge import Odometry, Pose
+
+
+class Sensed(NamedTuple):
+    """What the robot publishes in one step."""
+
+    stamp: float
+    ranges: np.ndarray  # [m], infinity for no echo.
+    odometry: Odometry
+
+
+class Port(Protocol):
+    """The robot's side of the topics."""
+
+    def begin(self, stamp: float, goal: tuple[float, float], status: dict[str, int]) -> None:
+        """An episode begins, with its goal in the frame of the odometry. Returns when whoever drives knows of it."""
+
+    def ask(self, sensed: Sensed, step: float) -> tuple[float, float]:
+        """Publishes it, and returns the speed and the turn rate for the next `step` seconds."""
+
+    def end(self, collided: bool, status: dict[str, int]) -> None:
+        """An episode has ended."""
+
+
+class SimulatedRobot:
+    """Gives the frames of an evaluation, one episode at a time, to a port, and its commands to the evaluation."""
+
+    def __init__(self, port: Port, task: dict[str, Any], start: float = 1.0):
+        """task: [environment] of the evaluation. start: the first stamp."""
+        self._port = port
+        self.step: float = task["episode"]["step"]
+        self.bounds: dict[str, float] = task["action"]
+        self.lidar: dict[str, float] = task["lidar"]
+        self.range_max = min(task["observation"]["range_clip"], self.lidar["max_range"])
+        self.first_stamp = start
+        self._stamp = start - self.step
+        self._status = {"episodes": 0, "ended": 0, "successes": 0, "collisions": 0}
+
+    def act(self, observations: dict[str, np.ndarray], first: np.ndarray) -> np.ndarray:
+        """What `slalom.evaluate` calls."""
+        self._stamp = round(self._stamp + self.step, 9)
+        x, y, yaw, linear, angular = map(float, observations["odometry"][0])
+        if first[0]:
+            goal_x, goal_y = map(float, observations["state"][0, :2])
+            self._port.begin(self._stamp, Pose(x, y, yaw).of(goal_x, goal_y), self._status)
+        ranges = observations["ranges"][0] / np.float32(100)
+        ranges[ranges >= np.float32(self.range_max)] = math.inf
+        sensed = Sensed(self._stamp, ranges, Odometry(self._stamp, Pose(x, y, yaw), linear, angular))
+        return np.array([self.action(*self._port.ask(sensed, self.step))], np.float32)
+
+    def action(self, linear: float, angular: float) -> tuple[float, float]:
+        """Returns the action of a command, within the robot's limits; of one that is not finite, standing still."""
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            linear = angular = 0.0
+        low, high = self.bounds["linear_min"], self.bounds["linear_max"]
+        action = 2.0 * (linear - low) / (high - low) - 1.0, angular / self.bounds["angular_max"]
+        return min(max(action[0], -1.0), 1.0), min(max(action[1], -1.0), 1.0)
+
+    def count(self, status: dict[str, int]) -> None:
+        """What `slalom.evaluate` tells of its progress."""
+        before, self._status = self._status, dict(status)
+        if status["ended"] > before["ended"]:
+            self._port.end(status["collisions"] > before["collisions"], self._status)
+
+
+# Of the robot nodes. Those that are empty or 0 are left to the task.
+PARAMETERS: dict[str, Any] = {
+    "courses": "static-test",
+    "episodes": 1,  # On each course.
+    "seed": 1,
+    "protocol": "paper",
+    "profile": [],
+    "collection": "",
+    "physics": "slalom",
+    "step": 0.0,  # s, between two scans.
+    "range_clip": 0.0,  # m, how far the LiDAR is published.
+    "time_limit": 0.0,  # s
+    "output": "",  # Where the evaluation is written.
+    "force": False,
+    "name": "ROS",  # What reports call whoever drives.
+    "lockstep": True,  # The simulator waits for a command after each scan; else it runs in real time.
+    "client_timeout": 30.0,  # s, in lockstep: without a command for so long the node ends with an error.
+    "command_timeout": 0.5,  # s, in real time: the robot stops without a command for so long.
+    "stamped": False,  # cmd_vel is a TwistStamped.
+}
+
+
+class Commands:
+    """The commands that come from another thread. `clock`: seconds of a steady clock."""
+
+    def __init__(self, lockstep: bool, client_timeout: float, command_timeout: float, clock: Callable[[], float]):
+        self._lockstep, self._client_timeout, self._command_timeout = lockstep, client_timeout, command_timeout
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._newest: Optional[tuple[float, float]] = None
+        self._stamp = self._accepted = -math.inf
+        self._came_at = -math.inf
+        self._due: Optional[float] = None
+        self.num_late = 0  # Steps in real time for which no command came.
+
+    def give(self, linear: float, angular: float, stamp: Optional[float] = None) -> None:
+        """A command has come. In lockstep one that is stamped before the scan is none for it."""
+        with self._changed:
+            if self._lockstep and stamp is not None and stamp < self._stamp - 1e-6:
+                return
+            self._newest, self._came_at = (linear, angular), self._clock()
+            self._changed.notify_all()
+
+    def accept(self, stamp: float) -> None:
+        """Whoever drives knows of the goal with this stamp."""
+        with self._changed:
+            self._accepted = stamp
+            self._changed.notify_all()
+
+    def wait_for(self, what: str, is_there: Callable[[], Any], again: Callable[[], None] = lambda: None) -> None:
+        """Returns when it is there. Calls `again` every three seconds until then. Raises TimeoutError."""
+        now = self._clock()
+        end, next_time = now + self._client_timeout, now + 3.0
+        with self._changed:
+            while not is_there():
+                now = self._clock()
+                if now > end:
+                    raise TimeoutError(f"found no {what} within {self._client_timeout:g} s")
+                if now > next_time:
+                    again()
+                    next_time += 3.0
+                self._changed.wait(0.05)
+
+    def begin(self, stamp: float, publish: Callable[[], None], knows_goal: bool) -> None:
+        """Publishes a goal with this stamp, until it is accepted if whoever drives tells so."""
+        publish()
+        if knows_goal:
+            self.wait_for(f"current_goal with stamp {stamp:g}", lambda: abs(self._accepted - stamp) < 1e-6, publish)
+
+    def expect(self, stamp: float) -> None:
+        """The scan of this stamp is about to be published."""
+        with self._changed:
+            self._stamp = stamp
+            if self._lockstep:
+                self._newest = None
+
+    def take(self, stamp: float, step: float, publish: Callable[[], None]) -> tuple[float, float]:
+        """Publishes what is sensed, in lockstep again if it is lost, and returns the command for the step after it."""
+        publish()
+        if self._lockstep:
+            self.wait_for(f"cmd_vel after the scan with stamp {stamp:g}", lambda: self._newest, publish)
+            return self._newest
+        with self._changed:
+            now = self._clock()
+            self._due = now if self._due is None or now > self._due + 1.0 else self._due
+            self._due += step
+            while now < self._due:
+                self._changed.wait(self._due - now)
+                now = self._clock()
+            if now - self._came_at > step:
+                self.num_late += 1
+            return self._newest if self._newest and now - self._came_at < self._command_timeout else (0.0, 0.0)
+
+
+def score(port: Port, parameters: dict[str, Any], on_ready: Callable[[SimulatedRobot], None] = lambda robot: None) -> Any:
+    """Drives courses by whoever answers at the port, and returns the `slalom.Evaluation`, which is written to `output`.
+
+    parameters: some of `PARAMETERS`. on_ready: called with the robot before the first episode."""
+    import slalom
+
+    p = {**PARAMETERS, **parameters}
+    output = p["output"]
+    if output and not p["force"] and os.path.exists(os.path.join(output, "evaluation.json")):
+        raise slalom.Error(f"{output}: holds an evaluation already; choose another directory for output, or set force")
+    task: dict[str, Any] = {"profile": p["profile"], "collection": p["collection"], "physics": p["physics"]}
+    if p["step"]:
+        task["episode"] = {"step": p["step"]}
+    if p["range_clip"]:
+        task["observation"] = {"range_clip": p["range_clip"]}
+    config = slalom.make_vec(p["courses"], 1, **task).config
+    robot = SimulatedRobot(port, tomllib.loads(config)["environment"])
+    on_ready(robot)
+    rules = {"num_environments": 1}
+    if p["time_limit"]:
+        rules["time_limit"] = p["time_limit"]
+    scores = slalom.evaluate(robot.act, p["courses"], name=p["name"], episodes=p["episodes"], seed=p["seed"],
+                             protocol=p["protocol"], evaluation=rules, progress=robot.count, **task)
+    if output:
+        scores.write(output, force=p["force"])
+    return scores

@@ -1,0 +1,107 @@
+"""The simulator as a robot, without ROS."""
+
+import math
+import os
+import tempfile
+import unittest
+
+import numpy as np
+import slalom
+from in_process import score_in_process
+from slalom_ros.bridge import Settings
+from slalom_ros.simulated_robot import Commands, SimulatedRobot
+
+POLICY = os.environ["SLALOM_POLICY"]
+SHORT = {"courses": "static-train-50", "time_limit": 20.0}
+
+
+class ScoreTest(unittest.TestCase):
+    def test_a_policy_drives_through_the_bridge_as_without_it(self):
+        """The goal of the bridge is a float32 that is kept, so a drive may differ in its last bits, and one in fifty in its end."""
+        found, port = score_in_process(POLICY, SHORT)
+        expected = slalom.evaluate(slalom.Policy(POLICY), "static-train-50", episodes=1, evaluation={"time_limit": 20.0})
+        pairs = list(zip(found.episodes(), expected.episodes()))
+        self.assertEqual([a["seed"] for a, _ in pairs], [b["seed"] for _, b in pairs])
+        self.assertGreaterEqual(sum(a["outcome"] == b["outcome"] for a, b in pairs), 47)
+        self.assertGreater(found.success_rate, 0.2)
+        self.assertEqual(len(port.ended), 50)
+        self.assertEqual(sum(collided for collided, _ in port.ended), sum(a["collisions"] > 0 for a, _ in pairs))
+        self.assertEqual(port.ended[-1][1]["successes"], round(50 * found.success_rate))
+
+    def test_a_guarded_planner_with_a_profile(self):
+        with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
+            file.write("[environment.robot]\ncontrol_rate = 100.0\n[guard]\nshield = true\n")
+            file.flush()
+            parameters = {"courses": "generated:1:2", "step": 0.05, "range_clip": 30.0, "profile": [file.name], "time_limit": 15.0}
+            found, _ = score_in_process("dwa", parameters, profile=file.name)
+        self.assertEqual([each["outcome"] for each in found.episodes()].count("collision"), 0)
+        self.assertGreater(min(each["path_length_m"] for each in found.episodes()), 2.0)
+
+    def test_a_limit_is_kept(self):
+        found, _ = score_in_process(POLICY, {**SHORT, "courses": "static-train-5"}, Settings(max_speed=0.4))
+        for episode in found.episodes():
+            self.assertLess(episode["path_length_m"], 0.45 * episode["time_s"])
+
+    def test_writes_what_reports_read_and_replaces_nothing_unasked(self):
+        with tempfile.TemporaryDirectory() as folder:
+            parameters = {**SHORT, "courses": "static-train-5", "output": os.path.join(folder, "mine"), "name": "my stack"}
+            score_in_process(POLICY, parameters)
+            self.assertIn("| my stack |", slalom.report([parameters["output"]], os.path.join(folder, "report")))
+            with self.assertRaisesRegex(slalom.Error, "mine: holds an evaluation already"):
+                score_in_process(POLICY, parameters)
+            score_in_process(POLICY, {**parameters, "force": True})
+
+
+class ProfilesTest(unittest.TestCase):
+    def test_each_robot_is_one_that_a_guard_knows(self):
+        for name in "husky", "jackal", "turtlebot3":
+            guard = slalom.Guard(profile=os.path.join(os.path.dirname(__file__), f"../../configs/robots/{name}.toml"))
+            far, near = (guard.check(np.full(720, ranges), (1.5, 0.0), pose=(0, 0, 0), speeds=(0, 0), first=True) for ranges in (5.0, 0.1))
+            self.assertEqual((far.guarded, near.guarded), (False, True), name)
+
+
+class SimulatedRobotTest(unittest.TestCase):
+    def test_clips_commands_and_stands_still_for_others(self):
+        task = {"episode": {"step": 0.2}, "action": {"linear_min": -1.0, "linear_max": 2.0, "angular_max": 3.14},
+                "lidar": {"max_range": 30.0}, "observation": {"range_clip": 5.0}}
+        robot = SimulatedRobot(None, task)
+        np.testing.assert_allclose(robot.action(0.5, 1.57), (0.0, 0.5))
+        self.assertEqual(robot.action(9.0, -9.0), (1.0, -1.0))
+        np.testing.assert_allclose(robot.action(math.nan, 1.0), (-1 / 3, 0.0))
+
+
+class CommandsTest(unittest.TestCase):
+    def setUp(self):
+        self.now = 0.0
+
+    def clock(self):
+        self.now += 0.25
+        return self.now
+
+    def test_in_lockstep_an_older_command_is_no_answer(self):
+        published = []
+        commands = Commands(True, 1.0, 0.5, self.clock)
+        commands.give(1.0, 0.0)
+        commands.expect(7.0)
+        commands.give(2.0, 0.0, stamp=6.8)
+        with self.assertRaisesRegex(TimeoutError, "found no cmd_vel after the scan with stamp 7 within 1 s"):
+            commands.take(7.0, 0.2, lambda: published.append(7.0))
+        commands.give(3.0, 0.5, stamp=7.0)
+        self.assertEqual(commands.take(7.0, 0.2, lambda: published.append(7.0)), (3.0, 0.5))
+        with self.assertRaisesRegex(TimeoutError, "current_goal with stamp 8"):
+            commands.begin(8.0, lambda: published.append(8.0), knows_goal=True)
+        self.assertEqual(published, [7.0, 7.0, 8.0])
+        commands.accept(8.0)
+        commands.begin(8.0, lambda: published.append(8.0), knows_goal=True)
+
+    def test_in_real_time_the_robot_stops_without_commands(self):
+        commands = Commands(False, 1.0, 0.5, self.clock)
+        self.assertEqual(commands.take(1.0, 0.001, lambda: None), (0.0, 0.0))
+        commands.give(1.5, 0.2)
+        self.assertEqual(commands.take(1.2, 0.001, lambda: None), (1.5, 0.2))
+        self.assertEqual(commands.take(1.4, 0.001, lambda: None), (0.0, 0.0))
+        self.assertEqual(commands.num_late, 3)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=1)

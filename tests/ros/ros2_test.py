@@ -1,0 +1,293 @@
+"""The nodes of ROS 2, as processes, with real topics between them. The clock is simulated: a test moves it."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from in_process import score_in_process
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from slalom_ros import ros2
+from slalom_ros.bridge import Odometry as PlainOdometry
+from slalom_ros.bridge import Pose
+from slalom_ros.messages import fill_odometry, fill_pose, fill_scan, seconds, velocity_of
+
+import slalom
+
+POLICY = os.environ["SLALOM_POLICY"]
+FIELD_OF_VIEW = 4.71238
+FILES = ("episodes.csv", "tracks.jsonl")
+TRIES = 300  # Of 0.1 s: no wait for another process is longer.
+
+
+def text_of(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
+
+
+def node_command(node, parameters):
+    command = [sys.executable, "-m", f"slalom_ros.ros2_{node}", "--ros-args"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={text_of(value)}"]
+    return command
+
+
+class Peer:
+    """The other side of a node's topics: a robot without a simulator."""
+
+    def __init__(self, test, stamped=False):
+        self.node = rclpy.create_node("peer")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.commands, self.accepted, self.stamp = [], [], 100.0
+        self.x = 0.0
+        make = self.node.create_publisher
+        self.clock = make(Clock, "/clock", ros2.SENSOR)
+        self.scans = make(LaserScan, "scan", ros2.SENSOR)
+        self.odometry = make(Odometry, "odom", ros2.RELIABLE)
+        self.goals = make(PoseStamped, "goal_pose", ros2.RELIABLE)
+        self.raw = make(Twist, "cmd_vel_raw", ros2.RELIABLE)
+        subscribe = self.node.create_subscription
+        subscribe(TwistStamped if stamped else Twist, "cmd_vel", lambda message: self.commands.append(velocity_of(message)), ros2.RELIABLE)
+        subscribe(PoseStamped, "current_goal", lambda message: self.accepted.append(seconds(message.header.stamp)), ros2.LATCHED)
+        test.addCleanup(self.node.destroy_node)
+        test.addCleanup(self.executor.shutdown)
+
+    def until(self, happened, what):
+        for _ in range(TRIES):
+            if happened():
+                return
+            self.executor.spin_once(timeout_sec=0.1)
+        raise AssertionError(f"{what} did not happen")
+
+    def connect(self, publisher):
+        self.until(lambda: publisher.get_subscription_count() and self.node.count_publishers("cmd_vel"), "discovery")
+
+    def step(self, scan=True, odometry=True, by=0.1, ranges=None):
+        """A tenth of a second of the simulated clock."""
+        self.stamp = round(self.stamp + by, 3)
+        stamp = ros2.stamp_of(self.stamp)
+        self.clock.publish(Clock(clock=stamp))
+        if odometry:
+            message = fill_odometry(Odometry(), PlainOdometry(self.stamp, Pose(self.x, 0.0, 0.0), 0.0, 0.0))
+            message.header.stamp = stamp
+            self.odometry.publish(message)
+        if scan:
+            message = fill_scan(LaserScan(), np.full(720, 4.0) if ranges is None else ranges, FIELD_OF_VIEW, 0.1, 30.0)
+            message.header.stamp = stamp
+            self.scans.publish(message)
+
+    def steps_until(self, is_it, **step):
+        """Steps on until a command is as expected: those of earlier steps may come in between. Returns it."""
+        for _ in range(50):
+            count = len(self.commands)
+            self.step(**step)
+            for _ in range(5):
+                self.executor.spin_once(timeout_sec=0.05)
+            for command in self.commands[count:]:
+                if is_it(command):
+                    return command
+        raise AssertionError(f"no such command, with {step}; the last were {self.commands[-5:]}")
+
+    def stops(self, **step):
+        self.steps_until(lambda command: command == (0.0, 0.0), **step)
+
+    def drives(self, **step):
+        self.steps_until(lambda command: command != (0.0, 0.0), **step)
+
+    def send_goal(self, x=5.0, y=0.0, frame="odom"):
+        message = PoseStamped()
+        self.stamp = round(self.stamp + 0.001, 3)
+        message.header.stamp, message.header.frame_id = ros2.stamp_of(self.stamp), frame
+        fill_pose(message.pose, x, y)
+        for attempt in range(TRIES // 10):  # A node that was killed counts as there for a while.
+            self.goals.publish(message)
+            for _ in range(10):
+                self.executor.spin_once(timeout_sec=0.1)
+                if self.stamp in [round(stamp, 3) for stamp in self.accepted]:
+                    return
+        raise AssertionError("the goal was not accepted")
+
+
+class Ros2Test(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        rclpy.init()
+
+    @classmethod
+    def tearDownClass(cls):
+        rclpy.shutdown()
+
+    def start(self, node, **parameters):
+        process = subprocess.Popen(node_command(node, parameters), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(self.end, process)
+        return process
+
+    @staticmethod
+    def end(process):
+        """Who is killed stays in the graph for a while, so that the next test would talk to a ghost."""
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def start_driver(self, peer, **parameters):
+        driver = self.start("driver", **{"agent": POLICY, "use_sim_time": True, **parameters})
+        peer.connect(peer.goals)
+        peer.connect(peer.scans)
+        peer.step()
+        return driver
+
+    def score(self, parameters, **driver):
+        """Returns the episodes and the tracks of an evaluation through topics, and what the robot printed."""
+        driving = self.start("driver", **{"agent": POLICY, "use_sim_time": True, "stamped": parameters.get("stamped", False), **driver})
+        with tempfile.TemporaryDirectory() as output:
+            done = subprocess.run(node_command("robot", {**parameters, "output": output}), capture_output=True, text=True, timeout=400)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            files = [Path(output, f"evaluation-{name}").read_text(encoding="utf8") for name in FILES]
+        driving.send_signal(signal.SIGINT)
+        self.assertEqual(driving.wait(30), 0)
+        return files
+
+    def same_as_in_process(self, files, agent, parameters, **driver):
+        with tempfile.TemporaryDirectory() as output:
+            score_in_process(agent, {**parameters, "output": output}, **driver)
+            for found, name in zip(files, FILES):
+                self.assertEqual(found, Path(output, f"evaluation-{name}").read_text(encoding="utf8"))
+
+    def test_a_policy_drives_through_topics_as_in_process(self):
+        """50 episodes, every pose of them."""
+        parameters = {"courses": "static-test", "time_limit": 20.0}
+        self.same_as_in_process(self.score(parameters), POLICY, parameters)
+
+    def test_a_guarded_policy_with_stamped_commands(self):
+        parameters = {"courses": "static-train-5", "time_limit": 20.0, "stamped": True}
+        self.same_as_in_process(self.score(parameters, guard=True), POLICY, parameters, guard=True)
+
+    def test_a_planner(self):
+        parameters = {"courses": "generated:1:2", "step": 0.05, "range_clip": 30.0, "time_limit": 10.0,
+                      "profile": f"[{os.path.join(os.path.dirname(__file__), 'planner_task.toml')}]"}
+        files = self.score(parameters, agent="dwa", profile=parameters["profile"])
+        parameters["profile"] = [parameters["profile"][1:-1]]
+        self.same_as_in_process(files, "dwa", parameters, profile=parameters["profile"])
+
+    def test_in_real_time_every_episode_ends(self):
+        """Commands come when they come, so nothing is said of where the robot gets."""
+        episodes, _ = self.score({"courses": "generated:1:2", "time_limit": 1.0, "lockstep": False})
+        self.assertEqual(len(episodes.splitlines()), 3)
+
+    def test_stops_and_drives_on(self):
+        peer = Peer(self)
+        self.start_driver(peer)
+        peer.step()
+        self.assertEqual(peer.commands, [], "there is no goal")
+        peer.send_goal()
+        peer.drives()
+        for missing in ({"scan": False}, {"odometry": False}, {"ranges": np.full(720, math.nan)}):
+            peer.stops(**missing)
+            peer.drives()
+        peer.stamp -= 5.0
+        peer.stops()
+        peer.drives()
+        peer.send_goal(-5.0, 0.0)
+        peer.drives()
+        peer.send_goal(5.0, 0.0, "map")
+        peer.stops()
+
+    def test_drives_on_after_it_was_killed_and_stops_on_sigint(self):
+        peer = Peer(self)
+        driver = self.start_driver(peer)
+        peer.send_goal()
+        peer.drives()
+        driver.kill()
+        driver.wait()
+        driver = self.start_driver(peer)
+        count = len(peer.commands)
+        peer.step()
+        peer.executor.spin_once(timeout_sec=0.5)
+        self.assertEqual(len(peer.commands), count, "it has no goal")
+        peer.send_goal()
+        peer.drives()
+        driver.send_signal(signal.SIGINT)
+        peer.until(lambda: peer.commands[-1] == (0.0, 0.0), "a stop")
+        self.assertEqual(driver.wait(30), 0)
+
+    def test_is_a_lifecycle_node(self):
+        peer = Peer(self)
+        self.start_driver(peer)
+        client = peer.node.create_client(ChangeState, "/slalom_driver/change_state")
+        peer.until(client.service_is_ready, "the service")
+
+        def change(transition):
+            future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+            peer.until(future.done, "the transition")
+            self.assertTrue(future.result().success)
+
+        peer.send_goal()
+        peer.drives()
+        change(Transition.TRANSITION_DEACTIVATE)
+        peer.until(lambda: peer.commands[-1] == (0.0, 0.0), "a stop")
+        change(Transition.TRANSITION_CLEANUP)
+        change(Transition.TRANSITION_CONFIGURE)
+        change(Transition.TRANSITION_ACTIVATE)
+        peer.connect(peer.goals)
+        peer.connect(peer.scans)
+        peer.send_goal()
+        peer.drives()
+
+    def test_a_goal_from_the_start(self):
+        peer = Peer(self)
+        self.start_driver(peer, goal_x=5.0, goal_y=0.0)
+        peer.drives()
+
+    def test_the_guard_slows_another_stack(self):
+        peer = Peer(self)
+        guard = self.start("guard", use_sim_time=True)
+        peer.connect(peer.raw)
+        peer.connect(peer.scans)
+
+        def raw(is_it, ranges):
+            """Commands 1.5 m/s until the guard answers so."""
+            message = Twist()
+            message.linear.x = 1.5
+            timer = peer.node.create_timer(0.05, lambda: peer.raw.publish(message))
+            peer.steps_until(lambda command: is_it(command[0]), ranges=ranges, by=0.2)
+            peer.node.destroy_timer(timer)
+
+        raw(lambda speed: abs(speed - 1.5) < 1e-6, np.full(720, 4.0))
+        raw(lambda speed: speed < 0.75, np.full(720, 0.35))
+        peer.stops(by=0.2)  # The other stack is silent now.
+        guard.send_signal(signal.SIGTERM)
+        self.assertEqual(guard.wait(30), 0)
+
+    def test_says_what_is_wrong(self):
+        for node, parameters, expected in (
+                ("driver", {}, "agent is '', expected a policy's file, or one of dwa"),
+                ("driver", {"agent": "nowhere"}, "nowhere: there is no such file"),
+                ("driver", {"agent": POLICY, "unseen": "guess"}, "unseen is 'guess'"),
+                ("guard", {"profile": "[nowhere.toml]"}, "nowhere.toml"),
+                ("robot", {"courses": "nowhere", "client_timeout": 1.0}, "nowhere"),
+                ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
+            with self.subTest(node=node, expected=expected):
+                done = subprocess.run(node_command(node, parameters), capture_output=True, text=True, timeout=60)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn(expected, done.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=1)
