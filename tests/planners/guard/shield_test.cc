@@ -120,14 +120,15 @@ Drives DriveAtRandom(double delay, double jitter, int num_courses) {
 }
 
 TEST(ShieldTest, WhatPassesLeadsToNoTouchThatBrakingCannotPrevent) {
+  constexpr int kNumCourses = 20;
   struct Case {
     double delay, jitter;
   };
   for (const auto& [delay, jitter] :
        {Case{0.0, 0.0}, Case{0.06, 0.0}, Case{0.1, 0.0}, Case{0.3, 0.0}, Case{0.0, 0.2}}) {
-    const Drives drives = DriveAtRandom(delay, jitter, 60);
+    const Drives drives = DriveAtRandom(delay, jitter, kNumCourses);
     EXPECT_GT(drives.num_changed, drives.num_steps / 20) << "the courses are too easy";
-    EXPECT_GT(drives.num_steps, 60 * 50) << "the robots do not last";
+    EXPECT_GT(drives.num_steps, kNumCourses * 50) << "the robots do not last";
     EXPECT_EQ(drives.num_touched_after_pass, 0) << delay;
     EXPECT_EQ(drives.num_touched, 0) << delay;
   }
