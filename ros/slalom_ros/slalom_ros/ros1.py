@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 import signal
 import threading
@@ -32,8 +33,9 @@ def declare(defaults: dict[str, Any]) -> dict[str, Any]:
 
 
 def settings_of() -> Settings:
-    """Returns the settings that the node's parameters give."""
-    return Settings(**declare({field.name: field.default for field in dataclasses.fields(Settings)}))
+    """Returns the settings that the node's parameters give. A simulated clock may come steps after the scans that it stamps."""
+    settings = Settings(**declare({field.name: field.default for field in dataclasses.fields(Settings)}))
+    return dataclasses.replace(settings, max_ahead=math.inf) if rospy.get_param("/use_sim_time", False) else settings
 
 
 def now() -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 import signal
 import threading
@@ -56,8 +57,9 @@ def declare(node: Any, defaults: dict[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(node: Any) -> Settings:
-    """Returns the settings that the node's parameters give."""
-    return Settings(**declare(node, {field.name: field.default for field in dataclasses.fields(Settings)}))
+    """Returns the settings that the node's parameters give. A simulated clock may come steps after the scans that it stamps."""
+    settings = Settings(**declare(node, {field.name: field.default for field in dataclasses.fields(Settings)}))
+    return dataclasses.replace(settings, max_ahead=math.inf) if node.get_parameter("use_sim_time").value else settings
 
 
 class Inputs:
