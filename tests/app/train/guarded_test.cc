@@ -40,7 +40,7 @@ TEST(GuardedTest, KnowsTheRobotOfTheTask) {
 
 TEST(GuardedTest, RefusesSettingsOfAGuardThatIsOff) {
   EXPECT_THAT([] { Guarded({}, {.margin = 0.1}); },
-              ThrowsMessage<base::Error>(HasSubstr("guard.margin is 0.1, expected its default 0.04 "
+              ThrowsMessage<base::Error>(HasSubstr("guard.margin is 0.1, expected its default 0.05 "
                                                    "with guard.shield = false")));
   EXPECT_NO_THROW(Guarded({}, {}));
 }
