@@ -702,7 +702,7 @@ class EvaluateTest(unittest.TestCase):
         self.assertEqual(score(profile=GUARDED, guard={"margin": 0.06, "waypoints": False}).report["courses"],
                          shielded.report["courses"])
         self.assertEqual(score(profile=GUARDED, guard=False).report["courses"], alone.report["courses"])
-        with self.assertRaisesRegex(slalom.Error, "guard.margin is 0.1, expected its default 0.04"):
+        with self.assertRaisesRegex(slalom.Error, "guard.margin is 0.1, expected its default 0.05"):
             score(guard={"margin": 0.1})
         with self.assertRaisesRegex(slalom.Error, "guard.shiel.*did you mean 'guard.shield'"):
             score(guard={"shiel": True})
