@@ -128,9 +128,10 @@ class Commands:
             self._changed.notify_all()
 
     def wait_for(self, what: str, is_there: Callable[[], Any], again: Callable[[], None] = lambda: None) -> None:
-        """Returns when it is there. Calls `again` every three seconds until then. Raises TimeoutError."""
+        """Returns when it is there. Calls `again` every ten seconds until then: sooner, a slow answer would come twice, and
+        the second one could be taken for the next. Raises TimeoutError."""
         now = self._clock()
-        end, next_time = now + self._client_timeout, now + 3.0
+        end, next_time = now + self._client_timeout, now + 10.0
         with self._changed:
             while not is_there():
                 now = self._clock()
@@ -138,7 +139,7 @@ class Commands:
                     raise TimeoutError(f"found no {what} within {self._client_timeout:g} s")
                 if now > next_time:
                     again()
-                    next_time += 3.0
+                    next_time += 10.0
                 self._changed.wait(0.05)
 
     def begin(self, stamp: float, publish: Callable[[], None], knows_goal: bool) -> None:
