@@ -123,6 +123,7 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
     Drive(tick, std::min(tick + kTicksPerLook, delay_ticks_), delay_ticks_, start_);
     room_ = std::min(room_, RoomAt(start_)[0]);
   }
+  if (least_delay_ticks_ == delay_ticks_) return;
   early_start_ = now_;
   Drive(0, least_delay_ticks_, least_delay_ticks_, early_start_);
 }
@@ -225,6 +226,8 @@ Lanes Shield::RoomFrom(Motion motion, int num_ticks, const Lanes& linear,
   return room;
 }
 
+/// The part of `guard.margin` that is kept at the speed of a command, or at the robot's if that is
+/// greater, [m].
 float Shield::MarginOf(const Twist& command) const {
   const double linear = std::max(std::abs(command.linear), std::abs(double{now_.ahead[0]}));
   const double angular = std::max(std::abs(command.angular), std::abs(double{now_.yaw_rate[0]}));

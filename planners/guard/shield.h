@@ -23,8 +23,9 @@ namespace slalom::planners {
 /// the nearest one that passes. What is seen is taken to stand still.
 ///
 /// The robot is predicted from its odometry and from the commands that it was given, as late as
-/// they may act. Confined to one thread at a time. Cost: about 25 us a step, and 300 to 550 us
-/// where few commands pass (benchmarks/planner_bench.cc).
+/// they may act, and as early. Confined to one thread at a time. Cost: about 25 us a step, and 300
+/// to 550 us where few commands pass (benchmarks/planner_bench.cc). Where delays vary, each command
+/// is predicted twice.
 class Shield {
  public:
   /// `bounds`: the commands to choose from. `step`: time for which a command is held, [s].
@@ -85,8 +86,9 @@ class Shield {
   std::vector<NearPoint> near_;  // The same, the nearest first.
   std::vector<Twist> sent_;      // Commands that the drive may not act on yet, the newest first.
   Motion now_;                   // As the robot moves now, in C.
-  Motion start_, early_start_;   // When a new command begins to act, at the latest and earliest.
-  float room_ = 0.0f;            // The least room until then, [m].
+  // When a new command begins to act: at the latest, and at the earliest where delays vary.
+  Motion start_, early_start_;
+  float room_ = 0.0f;                             // The least room until then, [m].
   std::vector<std::pair<float, Twist>> choices_;  // By distance from the command that was wanted.
 };
 
