@@ -2,11 +2,8 @@
 # with_ros2.sh VENV: the tests of the nodes with ROS 2 Jazzy in a virtual environment, in a network of their own if the user may make one.
 set -euo pipefail
 here=$(dirname "$(readlink -f "$0")") venv=$1
-[[ -x $venv/bin/python3 ]] || /usr/bin/python3 -m venv --system-site-packages "$venv"
-if ! "$venv/bin/pip" install -q --no-deps --require-hashes -r "$here/requirements.txt"; then
-  echo "SKIPPED: no index of Python packages is reached here"
-  exit 0
-fi
+. "$here/../support/python_packages.sh"
+make_venv "$venv" "$here/requirements.txt"
 # Shared memory is no part of a network: what a killed process left there would be in the way of others.
 export FASTDDS_BUILTIN_TRANSPORTS=UDPv4 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_LOG_DIR=$venv/log PYTHONWARNINGS=ignore::DeprecationWarning
 run=("$venv/bin/python3" -B "$here/ros2_test.py")

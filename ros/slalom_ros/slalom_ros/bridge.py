@@ -77,6 +77,12 @@ class Output(NamedTuple):
 STOP = Output(0.0, 0.0)
 
 
+def action_of(linear: float, angular: float, bounds: dict[str, float]) -> tuple[float, float]:
+    """Returns a command as an action, in [-1, 1] within the bounds."""
+    low, high = bounds["linear_min"], bounds["linear_max"]
+    return 2.0 * (linear - low) / (high - low) - 1.0, angular / bounds["angular_max"]
+
+
 @dataclass(frozen=True)
 class Settings:
     """What is known of a robot, and when it must stop. The nodes have a parameter of each name."""
@@ -437,7 +443,7 @@ class DriverBridge(_Stepper):
                                    last_action=None if first else self._limited, **pose, **speeds)
         linear, angular = self._within_limits(command.linear, command.angular)
         changed = (linear, angular) != (command.linear, command.angular)
-        self._limited = self._action(linear, angular) if changed else None
+        self._limited = action_of(linear, angular, self._bounds) if changed else None
         self._set_status(f"drives, {math.hypot(*goal):.1f} m to go", False)
         return Output(linear, angular, command.guarded)
 
@@ -446,10 +452,6 @@ class DriverBridge(_Stepper):
         linear, angular = linear * slower, angular * slower
         limit = self._settings.max_turn_rate
         return linear, min(max(angular, -limit), limit)
-
-    def _action(self, linear, angular):
-        low, high = self._bounds["linear_min"], self._bounds["linear_max"]
-        return 2.0 * (linear - low) / (high - low) - 1.0, angular / self._bounds["angular_max"]
 
 
 class GuardBridge(_Stepper):

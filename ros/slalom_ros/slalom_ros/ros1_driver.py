@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import sys
 
 import rospy
 from geometry_msgs.msg import PoseStamped
 from tf2_msgs.msg import TFMessage
 
-import slalom
-
 from . import ros1
-from .bridge import DriverBridge, Refused
 from .messages import add_transforms, goal_of
-
-PARAMETERS = {
-    "agent": "",  # A policy's file, or dwa, teb, eband, mppi.
-    "profile": [],  # Files with the robot and its guard.
-    "guard": False,  # A guard whatever the profiles say.
-    "goal_x": math.nan,  # Relative to the start, m.
-    "goal_y": math.nan,
-    "lidar_x": math.nan,  # For a policy that observes it, m.
-    "lidar_y": math.nan,
-}
+from .nodes import DRIVER_PARAMETERS, driver_bridge
 
 
 def make() -> ros1.Inputs:
-    parameters = ros1.declare(PARAMETERS)
-    if not parameters["agent"]:
-        raise Refused("agent is '', expected a policy's file, or one of dwa, teb, eband, mppi")
-    driver = slalom.Driver(parameters["agent"], profile=parameters["profile"], guard=True if parameters["guard"] else None)
-    lidar = parameters["lidar_x"], parameters["lidar_y"]
-    bridge = DriverBridge(driver, ros1.settings_of(), None if math.isnan(sum(lidar)) else lidar)
-    ahead = parameters["goal_x"], parameters["goal_y"]
-    if not math.isnan(sum(ahead)):
-        bridge.set_goal_from_start(*ahead)
+    bridge = driver_bridge(ros1.declare(DRIVER_PARAMETERS), ros1.settings_of())
     current_goal = rospy.Publisher("current_goal", PoseStamped, queue_size=1, latch=True)
     inputs = ros1.Inputs(bridge)
     newest = []

@@ -16,12 +16,11 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
-import slalom
-
 from . import ros1
 from .bridge import Pose
 from .messages import fill_odometry, fill_pose, fill_scan, fill_transform, seconds, velocity_of
-from .simulated_robot import PARAMETERS, Commands, score
+from .nodes import drive_episodes
+from .simulated_robot import PARAMETERS, Commands
 
 
 class Robot:
@@ -99,15 +98,7 @@ def main():
     rospy.set_param("/use_sim_time", True)
     rospy.init_node("slalom_robot", disable_signals=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        node = Robot()
-        print(score(node, on_ready=node.ready, parameters=node.parameters), flush=True)
-        code = 0
-    except KeyboardInterrupt:
-        code = 130
-    except (slalom.Error, ValueError, TimeoutError) as error:
-        print(f"slalom_ros: {error}", flush=True)
-        code = 1
+    code = drive_episodes(Robot)
     rospy.signal_shutdown("the end")
     sys.exit(code)
 

@@ -9,22 +9,12 @@ from geometry_msgs.msg import Point, PoseStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from visualization_msgs.msg import Marker, MarkerArray
 
-import slalom
-
 from . import ros2
-from .bridge import DriverBridge, Refused
+from .bridge import Refused
 from .messages import add_transforms, fill_pose, goal_of
+from .nodes import DRIVER_PARAMETERS, driver_bridge
 
-PARAMETERS = {
-    "agent": "",  # A policy's file, or dwa, teb, eband, mppi.
-    "profile": [],  # Files with the robot and its guard.
-    "guard": False,  # A guard whatever the profiles say.
-    "goal_x": math.nan,  # Relative to the start, m.
-    "goal_y": math.nan,
-    "lidar_x": math.nan,  # For a policy that observes it, m.
-    "lidar_y": math.nan,
-    "autostart": True,
-}
+PARAMETERS = {**DRIVER_PARAMETERS, "autostart": True}
 
 
 class Driver(LifecycleNode):
@@ -40,18 +30,11 @@ class Driver(LifecycleNode):
     def on_configure(self, state):
         parameters = ros2.declare(self, PARAMETERS)
         try:
-            if not parameters["agent"]:
-                raise Refused("agent is '', expected a policy's file, or one of dwa, teb, eband, mppi")
-            driver = slalom.Driver(parameters["agent"], profile=parameters["profile"], guard=True if parameters["guard"] else None)
-            lidar = parameters["lidar_x"], parameters["lidar_y"]
-            self._bridge = DriverBridge(driver, ros2.settings_of(self), None if math.isnan(sum(lidar)) else lidar)
+            self._bridge = driver_bridge(parameters, ros2.settings_of(self))
         except ValueError as error:
             self._fault = str(error)
             self.get_logger().error(self._fault)
             return TransitionCallbackReturn.FAILURE
-        ahead = parameters["goal_x"], parameters["goal_y"]
-        if not math.isnan(sum(ahead)):
-            self._bridge.set_goal_from_start(*ahead)
         # Who sees cmd_vel sees current_goal, which comes first.
         self._current_goal = self.create_publisher(PoseStamped, "current_goal", ros2.LATCHED)
         self._inputs = ros2.Inputs(self, self._bridge)

@@ -16,12 +16,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
-import slalom
-
 from . import ros2
 from .bridge import Pose
 from .messages import fill_odometry, fill_pose, fill_scan, fill_transform, seconds, velocity_of
-from .simulated_robot import PARAMETERS, Commands, score
+from .nodes import drive_episodes
+from .simulated_robot import PARAMETERS, Commands
 
 
 class Robot(Node):
@@ -110,14 +109,7 @@ def main():
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin)
     thread.start()
-    try:
-        print(score(node, on_ready=node.ready, parameters=node.parameters), flush=True)
-        code = 0
-    except KeyboardInterrupt:
-        code = 130
-    except (slalom.Error, ValueError, TimeoutError) as error:
-        print(f"slalom_ros: {error}", flush=True)
-        code = 1
+    code = drive_episodes(lambda: node)
     executor.shutdown()
     thread.join()
     node.destroy_node()

@@ -13,7 +13,7 @@ from typing import Any, Callable, NamedTuple, Optional, Protocol
 
 import numpy as np
 
-from .bridge import Odometry, Pose
+from .bridge import Odometry, Pose, action_of
 
 
 class Sensed(NamedTuple):
@@ -67,8 +67,7 @@ class SimulatedRobot:
         """Returns the action of a command, within the robot's limits; of one that is not finite, standing still."""
         if not (math.isfinite(linear) and math.isfinite(angular)):
             linear = angular = 0.0
-        low, high = self.bounds["linear_min"], self.bounds["linear_max"]
-        action = 2.0 * (linear - low) / (high - low) - 1.0, angular / self.bounds["angular_max"]
+        action = action_of(linear, angular, self.bounds)
         return min(max(action[0], -1.0), 1.0), min(max(action[1], -1.0), 1.0)
 
     def count(self, status: dict[str, int]) -> None:

@@ -6,11 +6,8 @@ set -euo pipefail
 here=$(dirname "$(readlink -f "$0")") folder=$1
 root=$here/../../..
 mkdir -p "$folder"
-/usr/bin/python3 -m venv --system-site-packages "$folder/mujoco"
-if ! "$folder/mujoco/bin/pip" install -q --no-deps --require-hashes -r "$here/soak_requirements.txt"; then
-  echo "SKIPPED: no index of Python packages is reached here"
-  exit 0
-fi
+. "$here/../../support/python_packages.sh"
+make_venv "$folder/mujoco" "$here/soak_requirements.txt"
 "$folder/mujoco/bin/python3" -B "$here/mujoco_test.py"
 
 "$folder/mujoco/bin/check-jsonschema" --builtin-schema vendor.github-workflows "$root"/.github/workflows/*.yml
