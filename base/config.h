@@ -204,6 +204,11 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
 /// struct, although nothing reads them (`base::ReadIf`). The error names the key of each, its value
 /// and the choice with which it is read. A choice that is not listed does not count.
 void RequireRead(const FieldList& list, const FieldList& defaults);
+
+/// Gives those fields their defaults: what an earlier version of the program recorded, whose
+/// defaults were others, is no choice of the user's.
+void ResetUnread(const FieldList& list, const FieldList& defaults);
+
 /// Returns the elements of a TOML array. Errors begin with its `where`.
 std::vector<base::TomlValue> ElementsOf(const base::TomlValue& array);
 

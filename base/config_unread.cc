@@ -30,21 +30,42 @@ std::string WhyUnread(const Field& field, const FieldList& list, const FieldList
   return "";
 }
 
+/// Calls `report` with each field that differs from its default although nothing reads it, its
+/// default, and why.
+template <class Report>
+void ForEachUnread(const FieldList& list, const FieldList& defaults, const Report& report) {
+  for (std::size_t i = 0; i < list.fields.size(); ++i) {
+    const Field& field = list.fields[i];
+    if (field.read_if.empty()) continue;
+    const std::string expected = PrintValue(defaults.fields[i]);
+    if (PrintValue(field) == expected) continue;
+    const std::string why = WhyUnread(field, list, defaults);
+    if (!why.empty()) report(field, expected, why);
+  }
+}
+
 }  // namespace
 
 void RequireRead(const FieldList& list, const FieldList& defaults) {
   std::vector<std::string> faults;
-  for (std::size_t i = 0; i < list.fields.size(); ++i) {
-    const Field& field = list.fields[i];
-    if (field.read_if.empty()) continue;
-    const std::string value = PrintValue(field), expected = PrintValue(defaults.fields[i]);
-    if (value == expected) continue;
-    const std::string why = WhyUnread(field, list, defaults);
-    if (why.empty()) continue;
-    faults.push_back(
-        fmt::format("{} is {}, expected its default {} {}", field.key, value, expected, why));
-  }
+  ForEachUnread(list, defaults,
+                [&](const Field& field, const std::string& expected, const std::string& why) {
+                  faults.push_back(fmt::format("{} is {}, expected its default {} {}", field.key,
+                                               PrintValue(field), expected, why));
+                });
   base::ThrowIf(!faults.empty(), "{}", fmt::join(faults, "; "));
+}
+
+void ResetUnread(const FieldList& list, const FieldList& defaults) {
+  bool is_settled = false;  // A field that is reset may be the choice with which another is read.
+  while (!is_settled) {
+    is_settled = true;
+    ForEachUnread(list, defaults,
+                  [&](const Field& field, const std::string& expected, const auto&) {
+                    SetField(field.key, expected, field.key, list);
+                    is_settled = false;
+                  });
+  }
 }
 
 }  // namespace slalom::config

@@ -81,8 +81,9 @@ Source FindSource(const TrainOptions& options) {
   return {options.config, std::nullopt};
 }
 
-train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
-  train::RunConfig config;
+train::RunConfig LoadConfig(const TrainOptions& options, const Source& source) {
+  const std::string& path = source.config;
+  train::RunConfig config, defaults;
   const config::FieldList fields = config::ListFields(config);
   try {
     config::ReadTomlFile(path, fields);
@@ -92,6 +93,7 @@ train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path
         "{}: is the plan of a sweep, expected a config; work on it with: slalom sweep run {}", path,
         path);
   }
+  if (source.run) config::ResetUnread(fields, config::ListFields(defaults));
   for (const std::string& file : options.profiles) {
     train::LayProfile(file, config.environment, config.guard);
   }
@@ -231,7 +233,7 @@ int Train(const TrainOptions& options) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
   const Source source = FindSource(options);
-  train::RunConfig loaded = LoadConfig(options, source.config);
+  train::RunConfig loaded = LoadConfig(options, source);
   const run::RunDirectory directory{
       source.run.value_or(fs::path(options.output.value_or(kRuns)) / loaded.run.name)};
   if (options.resume) loaded.courses.inputs = directory.inputs();

@@ -100,6 +100,8 @@ RunConfig ReadRecordedConfig(std::string_view text, std::string_view source) {
                  fmt::join(unknown, ", "));
     config::ReadToml(known, source, fields);
   }
+  RunConfig defaults;
+  config::ResetUnread(fields, config::ListFields(defaults));
   return config;
 }
 

@@ -154,8 +154,9 @@ struct RunConfig {
 };
 
 /// Reads the config that a policy, a checkpoint or a run directory holds. Keys that it lacks have
-/// their defaults, and unknown ones, of a newer version, are left out with a warning. Throws
-/// `base::Error` that names `source` if it is damaged.
+/// their defaults, as have those that nothing reads (`config::ResetUnread`), and unknown ones, of a
+/// newer version, are left out with a warning. Throws `base::Error` that names `source` if it is
+/// damaged.
 RunConfig ReadRecordedConfig(std::string_view text, std::string_view source);
 
 /// The config that a policy was trained with. Empty if its metadata does not hold it. Throws as

@@ -203,7 +203,7 @@ Lanes Shield::RoomAt(const Motion& m) const {
 /// The least room from when the commands begin to act until the robots stand, whether they begin
 /// as late as they may, or as early as they may and end late.
 Lanes Shield::RoomOf(const Lanes& linear, const Lanes& angular) const {
-  const Lanes late = RoomFrom(start_, step_ticks_, linear, angular);
+  Lanes late = RoomFrom(start_, step_ticks_, linear, angular);
   if (least_delay_ticks_ == delay_ticks_) return late;
   const int ticks = step_ticks_ + delay_ticks_ - least_delay_ticks_;
   return late.min(RoomFrom(early_start_, ticks, linear, angular));

@@ -467,6 +467,15 @@ TEST(ConfigReadTest, WhatNothingReadsHasItsDefault) {
   EXPECT_EQ(UnreadOf({"tool.kind=saw", "tool.is_counted=true", "tool.most=1"}), "");
 }
 
+TEST(ConfigReadTest, WhatNothingReadsIsResetAndTheRestIsKept) {
+  // `most` is read until `is_counted`, with which it is, has its default.
+  const std::vector<std::string> overrides = {"tool.speed=2", "tool.is_counted=true", "tool.most=1",
+                                              "gear=reverse"};
+  WithChoices config = Load<WithChoices>(std::nullopt, overrides), defaults;
+  ResetUnread(ListFields(config), ListFields(defaults));
+  EXPECT_EQ(PrintChanges(ListFields(config), ListFields(defaults)), "gear = \"reverse\"\n");
+}
+
 TEST(ConfigReadTest, ThePageSaysWithWhatAKeyIsRead) {
   WithChoices config;
   const std::string page = PrintMarkdown(ListFields(config));

@@ -265,6 +265,12 @@ TEST(ResumeTest, ARunGoesOnWithoutTheFilesThatItsConfigNames) {
   ASSERT_EQ(begun.exit_code, 0) << begun.err;
   fs::rename(first / "runs/tiny", second / "moved");
   fs::remove_all(first);
+  // As a version wrote it that had another default for what nothing reads here.
+  std::string recorded = base::ReadFile(second / "moved/config.toml");
+  const std::size_t margin = recorded.find("margin = 0.05");
+  ASSERT_NE(margin, std::string::npos);
+  base::WriteFileAtomically(second / "moved/config.toml",
+                            recorded.replace(margin, 13, "margin = 0.04"));
 
   const ProgramResult moved =
       RunProgram({"train", "moved", "--resume", "--set", "run.max_steps=2000"}, second);

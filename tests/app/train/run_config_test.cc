@@ -133,6 +133,16 @@ TEST(RunConfigTest, KeysOfANewerVersionInARecordedConfigAreLeftOut) {
                base::Error);
 }
 
+// An earlier version recorded its defaults, which may not be today's.
+TEST(RunConfigTest, WhatNothingReadsInARecordedConfigHasTodaysDefault) {
+  RunConfig config;
+  config.guard.margin = 0.123;
+  EXPECT_EQ(ReadRecordedConfig(config::ToToml(config), "config.toml").guard.margin,
+            RunConfig{}.guard.margin);
+  config.guard.shield = true;
+  EXPECT_EQ(ReadRecordedConfig(config::ToToml(config), "config.toml").guard.margin, 0.123);
+}
+
 TEST(RunConfigTest, RandomisedFieldsOfARecordedConfigAreKept) {
   RunConfig config;
   config.environment.randomize = {{"robot.command_delay", {"[0.0, 0.12]", ""}},
