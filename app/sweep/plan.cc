@@ -12,6 +12,7 @@
 #include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "eval/comparison/comparison.h"
 
 namespace slalom::sweep {
 namespace {
@@ -224,6 +225,14 @@ class Checker {
 };
 
 }  // namespace
+
+base::OneOf QuantityKeys() {
+  base::OneOf keys{};
+  for (const eval::Quantity& quantity : eval::Quantities()) {
+    if (quantity.aggregate == eval::Aggregate::kMean) keys.choices.push_back(quantity.key);
+  }
+  return keys;
+}
 
 std::vector<fs::path> PlanFiles(const fs::path& given) {
   const fs::path file = config::Locate(given);

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/config_field.h"
@@ -15,10 +17,12 @@
 
 namespace slalom::sweep {
 
-/// The quantities of a report, as plans name them.
-inline base::OneOf QuantityKeys() {
-  return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
-}
+/// The quantities that a plan can name: all means of `eval::Quantities`.
+base::OneOf QuantityKeys();
+
+/// Those of a plan that names none.
+inline constexpr std::array<std::string_view, 4> kUsualQuantities = {
+    "success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
 
 inline base::OneOf PhysicsNames() {
   base::OneOf names{};
@@ -64,8 +68,11 @@ struct SweepSettings {
       "Names of the scores for groups that list none. Empty: all. With --set, a plan can "
       "thus be scored on validation courses in place of the test courses.");
     v("quantities", quantities,
-      "Quantities (success_rate, collision_rate, survival_time_s, traversal_time_s) that have a "
-      "table each, with the scores side by side. Empty: all, and with one axis a table per score.");
+      "Quantities (as those of [[conclusion]]) that have a table each, with the scores side by "
+      "side. "
+      "Empty: success_rate, collision_rate, survival_time_s and traversal_time_s, and with one "
+      "axis "
+      "a table per score.");
     v("trainer", trainer,
       "What trains a cell. process: one `slalom train`. service: a replay server, a learner and "
       "sweep.actors actors of its own, which are never in lockstep.");

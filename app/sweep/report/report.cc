@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -26,19 +27,20 @@ namespace {
 /// "Success rate (%) (↑)"
 std::string HeadOf(const eval::Quantity& quantity) {
   std::string head(quantity.title);
-  head.front() = static_cast<char>(head.front() - 'a' + 'A');
-  return fmt::format("{} {} ({}) ({})", head, quantity.is_rate ? "rate" : "time", quantity.unit,
-                     quantity.higher_is_better ? "↑" : "↓");
+  head.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(head.front())));
+  if (!quantity.unit.empty()) {
+    head += fmt::format(" {} ({})", quantity.is_rate ? "rate" : "time", quantity.unit);
+  }
+  return head + (quantity.higher_is_better ? " (↑)" : " (↓)");
 }
 
 /// The quantities that have numbers in the tables: places in `eval::Quantities`.
 std::vector<std::size_t> QuantitiesOf(const Plan& plan) {
+  std::vector<std::string> wanted = plan.sweep.quantities;
+  if (wanted.empty()) wanted.assign(kUsualQuantities.begin(), kUsualQuantities.end());
   std::vector<std::size_t> quantities;
-  for (const std::string_view key : QuantityKeys().choices) {
-    const auto& wanted = plan.sweep.quantities;
-    if (!wanted.empty() && std::ranges::find(wanted, key) == wanted.end()) continue;
-    quantities.push_back(*eval::FindQuantity(key));
-  }
+  for (const std::string& key : wanted) quantities.push_back(*eval::FindQuantity(key));
+  std::ranges::sort(quantities);
   return quantities;
 }
 
@@ -276,7 +278,7 @@ std::string FigureText(const ReportContent& content, const Conclusion& conclusio
           : on(figure.row, conclusion.score) + " less " + on(figure.than, conclusion.than_score);
   if (!figure.estimate) return EscapeMarkdown(what) + ": –";
   return fmt::format("{}: {} {} {}", EscapeMarkdown(what), quantity.title,
-                     EstimateText(figure.estimate, quantity.factor, 1),
+                     EstimateText(figure.estimate, quantity.factor, quantity.digits),
                      is_difference ? quantity.difference_unit() : quantity.unit);
 }
 

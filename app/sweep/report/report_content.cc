@@ -419,8 +419,8 @@ std::vector<std::size_t> Columns() {
   std::vector<std::size_t> columns;
   for (std::size_t q = 0; q < eval::Quantities().size(); ++q) {
     const eval::Quantity& quantity = eval::Quantities()[q];
-    const bool is_of_plans = std::ranges::count(QuantityKeys().choices, quantity.key) > 0;
-    if (is_of_plans || quantity.aggregate != eval::Aggregate::kMean) columns.push_back(q);
+    const bool is_usual = std::ranges::count(kUsualQuantities, quantity.key) > 0;
+    if (is_usual || quantity.aggregate != eval::Aggregate::kMean) columns.push_back(q);
   }
   return columns;
 }

@@ -63,6 +63,7 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"ablations", 21, {"TD3", "without mirror images", "Dyna as published"}},
       {"as-published", 48, {"TD3", "MPC, probabilistic", "TD3, transformer, 8 frames"}},
       {"classical", 4, {"DWA", "TEB", "E-band", "MPPI"}},
+      {"guard-original", 6, {"the first command's", "DWA"}},
       {"guard", 9, {"the first command's", "MPPI", "MPPI, far map", "TEB", "DWA"}},
       {"paper/algorithms", 15, {"TD3 / MLP / 1", "SAC / GRU / 4", "DDPG / Transformer / 4"}},
       {"paper/figure-1", 17, {"RL", "DWA", "E-band"}},
