@@ -482,7 +482,7 @@ TEST_F(PolicyToolsTest, ExportWritesAModelAndReplacesNoFileUnasked) {
 }
 
 TEST_F(PolicyToolsTest, ExportRefusesAPolicyThatPlans) {
-  Save({{"config", "[mpc]\nenabled = true\n"}});
+  Save({{"config", "[model]\nkind = \"deterministic\"\n[mpc]\nenabled = true\n"}});
   const ProgramResult result = Export();
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_THAT(result.err, HasSubstr("policy.safetensors: mpc.enabled is true, expected false"));
