@@ -3,7 +3,7 @@
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3 libode-dev libmujoco-dev)
 all_packages=(libbenchmark-dev clang libclang-rt-dev clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
-ros_packages=(iproute2 python3-rospy python3-rosmaster python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-tf2-msgs)
+ros_packages=(iproute2 python3-rospy python3-rosmaster python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-tf2-msgs python3-rosbag)
 
 test_help() {
   cat <<'HELP'

@@ -201,6 +201,30 @@ class DriverBridgeTest(unittest.TestCase):
         self.assertIsNone(bridge.on_scan(scan(stamp - 0.1), robot.now))
         self.assertEqual(len(driver.asked), 5)
 
+    def test_passes_over_what_is_of_before_its_goal(self):
+        """A simulator has put the robot elsewhere: scans and odometry of before come with the goal, or again."""
+        for is_late in True, False:
+            robot, bridge, driver = driving(goal=Goal(1.5, 0.0))
+            asked, now = len(driver.asked), robot.now + 0.02
+            self.assertEqual(bridge.on_odometry(Odometry(now, Pose(1.4, 0.0, 0.0), 0.0, 0.0), now), STOP)
+            bridge.on_goal(Goal(5.0, 0.0), now, since=now + 0.2)
+            self.assertIsNone(bridge.on_scan(scan(now if is_late else bridge.scan_stamp), now))
+            self.assertIsNone(bridge.on_odometry(Odometry(now + 0.1, Pose(1.4, 0.0, 0.0), 0.0, 0.0), now + 0.1))
+            self.assertIsNone(bridge.on_scan(scan(now + 0.1), now + 0.1))
+            self.assertIsNone(bridge.on_odometry(Odometry(now + 0.2, Pose(-5.0, 0.0, 0.0), 0.0, 0.0), now + 0.2))
+            self.assertEqual(len(driver.asked), asked)
+            self.assertEqual(bridge.on_scan(scan(now + 0.2), now + 0.2), Output(1.0, 0.5))
+
+    def test_is_not_blind_for_what_it_was_not_sent_before_its_goal(self):
+        """While a simulator stood still it did not wait, and scans were lost."""
+        robot, bridge, driver = driving(goal=Goal(0.1, 0.0))
+        now = robot.now + 5.0
+        bridge.on_goal(Goal(5.0, 0.0), now, since=now)
+        self.assertIsNone(bridge.tick(now + 0.2))
+        self.assertIsNone(bridge.on_odometry(Odometry(now, Pose(0.0, 0.0, 0.0), 0.0, 0.0), now + 0.2))
+        self.assertIsNone(bridge.tick(now + 0.2))
+        self.assertEqual(bridge.tick(now + 0.6), STOP)
+
     def test_sends_nothing_without_a_goal(self):
         bridge = DriverBridge(FakeDriver())
         robot = Robot(bridge)
@@ -316,6 +340,15 @@ class DriverBridgeTest(unittest.TestCase):
         asked = len(driver.asked)
         self.drives(robot.drive(1.0))
         self.assertTrue(driver.asked[asked].first)
+
+    def test_a_clock_that_goes_back_with_a_new_goal_stops_nobody(self):
+        """A simulator that begins anew sends both, in any order, and counts the answers to its scans."""
+        robot, bridge, driver = driving()
+        bridge.on_goal(Goal(4.0, 0.0), robot.now)
+        robot.now -= 50.0
+        self.assertIsNone(bridge.on_odometry(Odometry(robot.now, Pose(0.0, 0.0, 0.0), 0.0, 0.0), robot.now))
+        self.assertEqual(bridge.on_scan(scan(robot.now), robot.now), Output(1.0, 0.5))
+        self.assertEqual(driver.asked[-1].goal, (4.0, 0.0))
 
     def test_stops_before_a_blind_or_narrow_scan(self):
         robot, bridge, driver = driving()

@@ -1,7 +1,7 @@
 """A robot and its driver without topics between them: what a closed loop through topics must be equal to."""
 
 import slalom
-from slalom_ros.bridge import DriverBridge, Goal, Scan, Settings
+from slalom_ros.bridge import STOP, DriverBridge, Goal, Scan, Settings
 from slalom_ros.simulated_robot import score
 
 
@@ -14,12 +14,13 @@ class DirectPort:
         self.robot = robot
 
     def begin(self, stamp, goal, status):
-        self.bridge.on_goal(Goal(*goal), stamp)
+        self.bridge.on_goal(Goal(*goal), stamp, stamp)
 
     def ask(self, sensed, step):
         view, count = self.robot.lidar["field_of_view"], len(sensed.ranges)
-        self.bridge.on_odometry(sensed.odometry, sensed.stamp)
-        output = self.bridge.on_scan(Scan(sensed.stamp, -view / 2, view / (count - 1), sensed.ranges), sensed.stamp)
+        answers = (self.bridge.on_odometry(sensed.odometry, sensed.stamp),
+                   self.bridge.on_scan(Scan(sensed.stamp, -view / 2, view / (count - 1), sensed.ranges), sensed.stamp))
+        output = answers[0] or answers[1] or STOP  # One that has arrived, as it believes, is silent.
         return output.linear, output.angular
 
     def end(self, collided, status):

@@ -7,9 +7,9 @@ import unittest
 
 import numpy as np
 import slalom
-from in_process import score_in_process
-from slalom_ros.bridge import Settings
-from slalom_ros.simulated_robot import Commands, SimulatedRobot
+from in_process import DirectPort, score_in_process
+from slalom_ros.bridge import Refused, Settings
+from slalom_ros.simulated_robot import Commands, Reset, SimulatedRobot, reset_of, score
 
 POLICY = os.environ["SLALOM_POLICY"]
 SHORT = {"courses": "static-train-50", "time_limit": 20.0}
@@ -52,6 +52,64 @@ class ScoreTest(unittest.TestCase):
             score_in_process(POLICY, {**parameters, "force": True})
 
 
+class ResetTest(unittest.TestCase):
+    def test_an_episode_is_the_same_whenever_it_is_driven(self):
+        """The evaluation is left in its second step; the fourth reset ends the test in its first."""
+        resets = [Reset("static-1-043", 3), Reset("static-1-020", 0), Reset("static-1-043", 3), KeyboardInterrupt()]
+        driven = []
+
+        class Port(DirectPort):
+            def begin(self, stamp, goal, status):
+                driven.append([goal])
+                super().begin(stamp, goal, status)
+
+            def ask(self, sensed, step):
+                driven[-1].append((sensed.odometry.pose, sensed.odometry.linear, sensed.odometry.angular, sensed.ranges.tolist()))
+                if len(driven[-1]) == (3 if len(driven) == 1 else 12):
+                    raise resets.pop(0)
+                return super().ask(sensed, step)
+
+        port = Port(slalom.Driver(POLICY))
+        with self.assertRaises(KeyboardInterrupt):
+            score(port, {"courses": "static-train-5"}, port.ready)
+        self.assertEqual([len(episode) for episode in driven], [3, 12, 12, 12])
+        self.assertEqual(driven[1], driven[3])
+        self.assertNotEqual(driven[1], driven[2])
+        pose, linear, angular, _ = driven[1][-1]
+        np.testing.assert_allclose((*driven[1][1][0], *driven[1][1][1:3]), np.zeros(5), atol=1e-6)
+        self.assertGreater(math.hypot(pose.x, pose.y), 0.5)
+        before = driven[1][-2][0]
+        self.assertAlmostEqual(math.hypot(pose.x - before.x, pose.y - before.y), 0.2 * abs(linear), delta=0.1)
+
+    def test_goes_on_with_the_next_episode(self):
+        ended = []
+
+        class Port(DirectPort):
+            def ask(self, sensed, step):
+                if sensed.stamp < 2.0:
+                    raise Reset("static-1-043", 3)
+                return super().ask(sensed, step)
+
+            def end(self, collided, status):
+                ended.append((collided, dict(status)))
+                if len(ended) == 2:
+                    raise KeyboardInterrupt
+
+        port = Port(slalom.Driver(POLICY))
+        with self.assertRaises(KeyboardInterrupt):
+            score(port, {"courses": "static-train-5"}, port.ready)
+        self.assertEqual([status["ended"] for _, status in ended], [1, 2])
+        for collided, status in ended[:1]:
+            self.assertEqual(collided, status["collisions"] == 1)
+
+    def test_refuses_what_names_no_episode(self):
+        self.assertEqual(vars(reset_of("1 7", ["a", "b"])), {"course": "b", "episode": 7})
+        self.assertEqual(vars(reset_of(" a", ["a", "b"])), {"course": "a", "episode": 0})
+        for text in "", "c", "2", "a x", "a -1":
+            with self.assertRaisesRegex(Refused, f"reset is '{text}', expected a course, from 0 to 1 or by its name such as a"):
+                reset_of(text, ["a", "b"])
+
+
 class ProfilesTest(unittest.TestCase):
     def test_each_robot_is_one_that_a_guard_knows(self):
         for name in "husky", "jackal", "turtlebot3":
@@ -63,7 +121,7 @@ class ProfilesTest(unittest.TestCase):
 class SimulatedRobotTest(unittest.TestCase):
     def test_clips_commands_and_stands_still_for_others(self):
         task = {"episode": {"step": 0.2}, "action": {"linear_min": -1.0, "linear_max": 2.0, "angular_max": 3.14},
-                "lidar": {"max_range": 30.0}, "observation": {"range_clip": 5.0}}
+                "lidar": {"max_range": 30.0}, "observation": {"range_clip": 5.0, "commands": 1}}
         robot = SimulatedRobot(None, task)
         np.testing.assert_allclose(robot.action(0.5, 1.57), (0.0, 0.5))
         self.assertEqual(robot.action(9.0, -9.0), (1.0, -1.0))
@@ -91,8 +149,48 @@ class CommandsTest(unittest.TestCase):
         with self.assertRaisesRegex(TimeoutError, "current_goal with stamp 8"):
             commands.begin(8.0, lambda: published.append(8.0), knows_goal=True)
         self.assertEqual(published, [7.0, 7.0, 8.0])
-        commands.accept(8.0)
+        commands.on_current_goal(8.0, "odom")
         commands.begin(8.0, lambda: published.append(8.0), knows_goal=True)
+
+    def test_who_has_arrived_is_not_waited_for(self):
+        commands = Commands(True, 1.0, 0.5, self.clock)
+        commands.expect(7.0)
+        commands.on_current_goal(0.0, "")
+        for _ in range(3):
+            self.assertEqual(commands.take(7.0, 0.2, lambda: None), (0.0, 0.0))
+        commands.give(1.0, 0.0)
+        self.assertEqual(commands.take(7.0, 0.2, lambda: None), (1.0, 0.0))
+        commands.begin(8.0, lambda: None, knows_goal=False)
+        commands.expect(8.0)
+        with self.assertRaisesRegex(TimeoutError, "stamp 8"):
+            commands.take(8.0, 0.2, lambda: None)
+
+    def test_a_second_answer_to_a_scan_that_was_sent_twice_is_dropped(self):
+        """A slow client answers both, 10.5 and 11 s after the first."""
+        answers = [10.5, 11.0, 13.0]
+
+        def clock():
+            now = self.clock()
+            if answers and now > answers[0]:
+                commands.give(answers.pop(0), 0.0)
+            return now
+
+        commands, published = Commands(True, 30.0, 0.5, clock), []
+        for stamp, expected in (7.0, 10.5), (7.2, 13.0):
+            commands.expect(stamp)
+            self.assertEqual(commands.take(stamp, 0.2, lambda: published.append(stamp)), (expected, 0.0))
+        self.assertEqual(published, [7.0, 7.0, 7.2])
+        self.assertEqual((commands.num_commands, commands.num_late), (2, 2))
+
+    def test_a_reset_is_raised_where_a_command_is_waited_for(self):
+        for lockstep in True, False:
+            commands = Commands(lockstep, 1.0, 0.5, self.clock)
+            commands.reset(Reset("a", 1))
+            commands.expect(7.0)
+            with self.assertRaises(Reset):
+                commands.take(7.0, 0.2, lambda: None)
+            commands.give(1.0, 0.0)
+            self.assertEqual(commands.take(7.0, 0.2, lambda: None), (1.0, 0.0))
 
     def test_in_real_time_the_robot_stops_without_commands(self):
         commands = Commands(False, 1.0, 0.5, self.clock)
@@ -100,7 +198,7 @@ class CommandsTest(unittest.TestCase):
         commands.give(1.5, 0.2)
         self.assertEqual(commands.take(1.2, 0.001, lambda: None), (1.5, 0.2))
         self.assertEqual(commands.take(1.4, 0.001, lambda: None), (0.0, 0.0))
-        self.assertEqual(commands.num_late, 3)
+        self.assertEqual(commands.counts(), {"commands": 3, "late": 3})
 
 
 if __name__ == "__main__":

@@ -5,11 +5,24 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
+from types import SimpleNamespace
 
 import rosgraph
+import rospy
+import slalom
+from bags import RecordingPort, driven_again
+from geometry_msgs.msg import PoseStamped, Twist
 from in_process import score_in_process
+from nav_msgs.msg import Odometry
+from rosbag import Bag
+from rospy import Time
+from sensor_msgs.msg import LaserScan
+from slalom_ros.bridge import DriverBridge
+from slalom_ros.simulated_robot import score
+from std_msgs.msg import String
 
 POLICY = os.environ["SLALOM_POLICY"]
 
@@ -22,8 +35,8 @@ class Ros1Test(unittest.TestCase):
             if master.hasParam(name):
                 master.deleteParam(name)
 
-    def start(self, node, **parameters):
-        arguments = [f"_{name}:={value}" for name, value in parameters.items()]
+    def start(self, node, remapped={}, **parameters):
+        arguments = [f"_{name}:={value}" for name, value in parameters.items()] + [f"{name}:={topic}" for name, topic in remapped.items()]
         process = subprocess.Popen([sys.executable, "-m", f"slalom_ros.ros1_{node}", *arguments], stdout=subprocess.PIPE,
                                    stderr=subprocess.DEVNULL, text=True)
         self.addCleanup(process.stdout.close)
@@ -31,14 +44,16 @@ class Ros1Test(unittest.TestCase):
         self.addCleanup(process.send_signal, signal.SIGINT)
         return process
 
-    def score(self, parameters, **driver):
-        """The robot drives the same episodes through topics, to the last bit, as without them."""
+    def score(self, parameters, evaluations=1, **driver):
+        """The robot drives the same episodes through topics, to the last bit, as without them, in the last of some evaluations
+        that one driver drives."""
         with tempfile.TemporaryDirectory() as folder:
             through, direct = os.path.join(folder, "through"), os.path.join(folder, "direct")
-            robot = self.start("robot", output=through, **parameters)
             driving = self.start("driver", agent=POLICY, stamped=parameters.get("stamped", False), **driver)
-            said, _ = robot.communicate(timeout=400)
-            self.assertEqual(robot.returncode, 0, said)
+            for _ in range(evaluations):
+                robot = self.start("robot", output=through, force=True, **parameters)
+                said, _ = robot.communicate(timeout=400)
+                self.assertEqual(robot.returncode, 0, said)
             driving.send_signal(signal.SIGINT)
             self.assertEqual(driving.wait(30), 0)
             score_in_process(POLICY, {**parameters, "output": direct}, **driver)
@@ -47,10 +62,43 @@ class Ros1Test(unittest.TestCase):
                 self.assertEqual(found, expected)
 
     def test_a_policy_drives_through_topics_as_in_process(self):
-        self.score({"courses": "static-train-50", "time_limit": 20.0})
+        """The second time, too: the last episode of the first time is not ended for the driver, and the clock goes back."""
+        self.score({"courses": "static-train-5", "time_limit": 4.0}, evaluations=2)
 
     def test_a_guarded_policy_with_stamped_commands(self):
-        self.score({"courses": "static-train-5", "time_limit": 20.0, "stamped": True}, guard=True)
+        self.score({"courses": "static-train-5", "time_limit": 10.0, "stamped": True}, guard=True)
+
+    def test_a_bag_gives_the_commands_again(self):
+        types = SimpleNamespace(LaserScan=LaserScan, Odometry=Odometry, PoseStamped=PoseStamped, Twist=Twist, stamp_of=Time.from_sec)
+        port = RecordingPort(slalom.Driver(POLICY), types)
+        score(port, {"courses": "static-train-5", "time_limit": 5.0}, port.ready)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "drive.bag")
+            with Bag(path, "w") as bag:
+                for stamp, topic, message in port.messages:
+                    bag.write(topic, message, Time.from_sec(stamp))
+            with Bag(path) as bag:
+                messages = [(topic, message) for topic, message, _ in bag.read_messages()]
+        recorded, found = driven_again(DriverBridge(slalom.Driver(POLICY)), messages)
+        self.assertGreater(len(recorded), 50)
+        self.assertEqual(found, recorded)
+
+    def test_the_robot_is_reset_to_an_episode(self):
+        rospy.init_node("operator", disable_signals=True)
+        statuses, resets = [], rospy.Publisher("reset", String, queue_size=1)
+        rospy.Subscriber("/slalom_robot/status", String, lambda message: statuses.append(message.data))
+        self.start("driver", agent=POLICY)
+        robot = self.start("robot", courses="static-train-5", episodes=20, client_timeout=60.0)
+        for reset, expected in (("nowhere", "episodes 100, ended"), ("static-1-043 3", "course static-1-043, seed 4,"),
+                                ("2 0", "course static-1-020, seed 1,")):
+            for _ in range(300):
+                if statuses and expected in statuses[-1]:
+                    break
+                resets.publish(reset)
+                time.sleep(0.1)
+            self.assertIn(expected, statuses[-1])
+        robot.send_signal(signal.SIGINT)
+        self.assertEqual(robot.wait(30), 130)
 
     def test_says_what_is_wrong(self):
         for node, parameters, expected in (

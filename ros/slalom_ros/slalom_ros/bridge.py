@@ -214,7 +214,9 @@ class _Stepper:
         self._scan: Optional[tuple[float, np.ndarray]] = None  # Not answered yet.
         self._scan_stamp: Optional[float] = None  # Of the newest.
         self._scan_period = math.inf
+        self._answered: Optional[float] = None  # The stamp of the scan whose answer is `_held`.
         self._acted_at: Optional[float] = None
+        self._since = -math.inf  # What is stamped before is passed over.
         self._first = True  # An episode begins for the agent.
         self._held = STOP
 
@@ -234,13 +236,15 @@ class _Stepper:
         stopped = self._look_at_clock(now)
         if stopped:
             return stopped
+        if scan.stamp < self._since:
+            return None
         age = now - scan.stamp
         if now > 0.0 and age < -self._settings.max_ahead:  # 0 is a simulated clock that has not come yet.
             return self._stop(f"a scan is stamped {-age:.2f} s ahead of the clock, expected at most {self._settings.max_ahead:g} s; "
                               f"do both computers have the same time?")
         if self._scan_stamp is not None and scan.stamp <= self._scan_stamp:
             # A scan that was overtaken, or that comes again, as its answer was lost.
-            return self._held if self._is_wanted() and self._scan is None and scan.stamp == self._scan_stamp else None
+            return self._held if self._is_wanted() and scan.stamp == self._answered else None
         if age > self._settings.max_age:
             return self._stop(f"a scan is {age:.2f} s old, expected at most {self._settings.max_age:g} s")
         try:
@@ -258,6 +262,8 @@ class _Stepper:
         stopped = self._look_at_clock(now)
         if stopped:
             return stopped
+        if odometry.stamp < self._since:
+            return None
         if not all(map(math.isfinite, (*odometry.pose, odometry.linear, odometry.angular))):
             return self._stop("the odometry has NaN or infinity, expected numbers")
         if now > 0.0 and odometry.stamp - now > self._settings.max_ahead:
@@ -290,8 +296,9 @@ class _Stepper:
             if stamp is None:
                 self._set_status(f"waits for {what}", False)
                 return None
-            if now - stamp > self._settings.max_age:
-                return self._stop(f"no {what} for {now - stamp:.2f} s, expected one every {self._settings.max_age:g} s")
+            age = now - max(stamp, self._since)
+            if age > self._settings.max_age:
+                return self._stop(f"no {what} for {age:.2f} s, expected one every {self._settings.max_age:g} s")
         return None
 
     def _look_at_clock(self, now):
@@ -299,8 +306,10 @@ class _Stepper:
         self._last_now = now
         if back < 0.1:
             return None
+        was_first = self._first
         self._forget()
-        return self._stop(f"the clock went back by {back:.2f} s")
+        stopped = self._stop(f"the clock went back by {back:.2f} s")
+        return None if was_first else stopped  # A robot that was sent nothing since its goal is not stopped.
 
     def _act(self, now):
         if not self._is_wanted() or self._scan is None or not self._odometries:
@@ -315,6 +324,7 @@ class _Stepper:
             return self._stop(f"the odometry is {abs(odometry.stamp - stamp):.2f} s from the scan, expected at most "
                               f"{self._settings.max_age:g} s")
         self._scan = None
+        self._answered = stamp
         waited = math.inf if self._acted_at is None else stamp - self._acted_at
         if not self._first and waited < self._period - 0.5 * min(self._scan_period, self._period):
             return self._held
@@ -367,8 +377,9 @@ class DriverBridge(_Stepper):
     def frames(self) -> Frames:
         return self._frames
 
-    def on_goal(self, goal: Goal, now: float) -> Optional[Output]:
-        """Begins to drive to a goal; what was seen before is forgotten."""
+    def on_goal(self, goal: Goal, now: float, since: float = -math.inf) -> Optional[Output]:
+        """Begins to drive to a goal; what was seen before is forgotten, and what is stamped before `since` passed over: a
+        simulator that has put the robot elsewhere may have sent it before the goal."""
         if not (math.isfinite(goal.x) and math.isfinite(goal.y)):
             return self._stop(f"a goal is ({goal.x}, {goal.y}), expected numbers")
         last = self._odometries[-1] if self._odometries else None
@@ -376,6 +387,8 @@ class DriverBridge(_Stepper):
             goal = Goal(*last.pose.of(goal.x, goal.y), last.frame)
         self._ahead = None
         self._odometries.clear()  # A robot that was put elsewhere with its new goal has not leapt.
+        self._scan = self._answered = None
+        self._since = since - 1e-6
         self._begin(goal)
         return None
 

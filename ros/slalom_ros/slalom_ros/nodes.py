@@ -39,7 +39,8 @@ def drive_episodes(make_robot: Callable[[], Any]) -> int:
     """Drives the episodes of a robot node and prints their scores, or what is wrong. Returns the exit code."""
     try:
         robot = make_robot()
-        print(score(robot, on_ready=robot.ready, parameters=robot.parameters), flush=True)
+        print(score(robot, on_ready=robot.ready, parameters=robot.parameters))
+        print(", ".join(f"{key} {value}" for key, value in robot.commands.counts().items()), flush=True)
         return 0
     except KeyboardInterrupt:
         return 130

@@ -42,6 +42,18 @@ def now() -> float:
     return rospy.get_time()
 
 
+def wait_for_clock(stamp: float) -> float:
+    """Waits, for a second at most, until a simulated clock that a new simulator has set back is there: in its own thread it may
+    come after what it stamps. Returns the stamp, or that of no time where the clock is the machine's."""
+    if rospy.rostime.is_wallclock():
+        return -math.inf
+    for _ in range(100):
+        if abs(now() - stamp) < 1.0:
+            break
+        threading.Event().wait(0.01)
+    return stamp
+
+
 class Inputs:
     """Hands scans, odometry and time to a bridge, and sends what it answers: the same for the driver and the guard."""
 
@@ -51,6 +63,7 @@ class Inputs:
         parameters = declare({"stamped": False, "robot_frame": "base_link"})
         self._stamped, self._robot_frame = parameters["stamped"], parameters["robot_frame"]
         self._said, self._ticks = "", 0
+        self.on_sent: Callable[[], None] = lambda: None
         self._commands = rospy.Publisher("cmd_vel", TwistStamped if self._stamped else Twist, queue_size=10, tcp_nodelay=True)
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         rospy.Subscriber("odom", OdometryMessage, self._on_odometry, queue_size=50, tcp_nodelay=True)
@@ -82,6 +95,7 @@ class Inputs:
             message.header.stamp = rospy.Time.from_sec(max(now(), self.bridge.scan_stamp))
             message.header.frame_id = self._robot_frame
         self._commands.publish(fill_velocity(message, output.linear, output.angular))
+        self.on_sent()
 
     def tick(self) -> None:
         with self.lock:

@@ -20,12 +20,20 @@ def make() -> ros1.Inputs:
     newest = []
 
     def on_goal(message):
+        since = ros1.wait_for_clock(message.header.stamp.to_sec())
         with inputs.lock:
             goal = message.header.stamp, message.header.frame_id, message.pose
             if newest != [goal]:  # A robot that waits for current_goal sends its goal again, with another `seq`.
                 newest[:] = [goal]
-                inputs.send(bridge.on_goal(goal_of(message), ros1.now()))
+                inputs.send(bridge.on_goal(goal_of(message), ros1.now(), since))
         current_goal.publish(message)
+
+    def on_sent():
+        if bridge.goal is None:  # It has arrived, or given up: an empty goal says so.
+            newest.clear()
+            current_goal.publish(PoseStamped())
+
+    inputs.on_sent = on_sent
 
     def on_transforms(message):
         with inputs.lock:

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from . import ros2
 from .bridge import Refused
-from .messages import add_transforms, fill_pose, goal_of
+from .messages import add_transforms, fill_pose, goal_of, seconds
 from .nodes import DRIVER_PARAMETERS, driver_bridge
 
 PARAMETERS = {**DRIVER_PARAMETERS, "autostart": True}
@@ -39,7 +39,7 @@ class Driver(LifecycleNode):
         self._current_goal = self.create_publisher(PoseStamped, "current_goal", ros2.LATCHED)
         self._inputs = ros2.Inputs(self, self._bridge)
         self._inputs.is_active = False
-        self._inputs.on_sent = self._show
+        self._inputs.on_sent = self._on_sent
         self._markers = self.create_publisher(MarkerArray, "~/markers", ros2.RELIABLE)
         self._made = [self.create_subscription(PoseStamped, "goal_pose", self._on_goal, ros2.RELIABLE)]
         if ros2.TFMessage:
@@ -76,8 +76,15 @@ class Driver(LifecycleNode):
             return
         if message != self._goal:  # A robot that waits for current_goal sends its goal again.
             self._goal = message
-            self._inputs.send(self._bridge.on_goal(goal_of(message), ros2.now_of(self)))
+            since = {"since": seconds(message.header.stamp)} if self.get_parameter("use_sim_time").value else {}
+            self._inputs.send(self._bridge.on_goal(goal_of(message), ros2.now_of(self), **since))
         self._current_goal.publish(message)
+
+    def _on_sent(self, output):
+        if self._bridge.goal is None:  # It has arrived, or given up: an empty goal says so.
+            self._goal = None
+            self._current_goal.publish(PoseStamped())
+        self._show(output)
 
     def _show(self, output):
         if not self._markers.get_subscription_count() or self._bridge.goal_R is None:
