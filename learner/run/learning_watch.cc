@@ -2,11 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace slalom::run {
 namespace {
 
-/// Updates without a gradient up to this row, of which the last `updates` had the norm `norm`.
+/// Updates without a gradient up to this row, of which the last `updates` had the norm `norm`: NaN
+/// if the network was due in none of them.
 std::int64_t CountStill(std::int64_t before, std::int64_t updates, double norm) {
+  if (std::isnan(norm)) return before;
   return norm == 0.0 ? before + updates : 0;
 }
 

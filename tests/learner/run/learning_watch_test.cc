@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <limits>
 
 namespace slalom::run {
@@ -59,13 +60,17 @@ TEST(LearningWatchTest, NamesTheCritics) {
 }
 
 // A slow run logs rows of one update, and the actor learns in every second one only.
-TEST(LearningWatchTest, RowsWithoutAnActorUpdateAreNoFault) {
-  LearningWatch watch;
-  for (int row = 0; row <= 5000; ++row) {
-    MetricsRow metrics = Healthy(row);
-    metrics.updates = row;
-    metrics.learning.actor_gradient_norm = row % 2 == 0 ? 0.3 : 0.0;
-    EXPECT_EQ(watch.Observe(metrics, 0.1), std::nullopt);
+TEST(LearningWatchTest, RowsWithoutAnActorUpdateSayNothing) {
+  for (const bool still : {false, true}) {
+    LearningWatch watch;
+    for (int row = 0; row <= 5000; ++row) {
+      MetricsRow metrics = Healthy(row);
+      metrics.updates = row;
+      metrics.learning.actor_gradient_norm = still ? 0.0 : 0.3;
+      if (row % 2 == 1) metrics.learning.actor_gradient_norm = std::nan("");
+      watch.Observe(metrics, 0.1);
+    }
+    EXPECT_EQ(watch.fault().empty(), !still) << watch.fault();
   }
 }
 
