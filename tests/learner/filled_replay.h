@@ -21,15 +21,12 @@ namespace slalom::learner {
 inline constexpr int kBeams = 8;
 inline constexpr int kStreams = 4;
 inline constexpr std::uint64_t kSpecHash = 3;
-inline constexpr std::int64_t kSteps = 8000;
-inline constexpr std::int64_t kUpdates = 4000;  // What so many steps earn.
+inline constexpr std::int64_t kSteps = 800;
+inline constexpr std::int64_t kUpdates = 400;  // What so many steps earn.
 
+/// Waits until `condition` holds; the test's time limit ends it otherwise.
 inline void WaitUntil(const std::function<bool()>& condition) {
-  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (!condition()) {
-    ASSERT_LT(std::chrono::steady_clock::now(), give_up) << "what was waited for did not come";
-    std::this_thread::yield();
-  }
+  while (!condition()) std::this_thread::yield();
 }
 
 /// A replay server that holds `kSteps` steps, the same ones each time.

@@ -12,6 +12,7 @@
 #include <map>
 #include <optional>
 #include <sstream>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <utility>
@@ -25,6 +26,7 @@
 #include "proto/policy_link.h"
 #include "proto/run_identity.h"
 #include "tests/learner/filled_replay.h"
+#include "tests/support/held_clock.h"
 #include "tests/support/scratch_directory.h"
 
 /// The learner as a process would be, against a real replay server whose table stands still: the
@@ -54,10 +56,14 @@ MethodConfig MethodWithModel() {
 
 using Meanwhile = std::function<void(const std::string& endpoint)>;
 
-/// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
+/// Counts the looks at a learner's clock, each of which it takes for a second.
+using Looks = std::atomic<int>;
+
+/// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM: by its
+/// own thread, within a few updates, or after `meanwhile`.
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
            const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {},
-           const run::TrainingClock& clock = run::TrainingClock(), double max_seconds = 0.0,
+           Looks* looks = nullptr, double max_seconds = 0.0,
            TrainingEnd expected = TrainingEnd::kStopped, std::int64_t max_steps = 1000000) {
   base::MakeDirectories(directory);
   transport::Context context;
@@ -75,19 +81,28 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   job.loop.run.settings.updates_per_step = 0.5;  // As the replay server.
   job.loop.run.settings.learning_starts = 0;
   job.loop.run.settings.max_seconds = max_seconds;
-  job.loop.run.settings.log_interval = 0.05;
+  job.loop.run.settings.log_interval = 5.0;  // Looks.
   job.spec_hash = kSpecHash;
   job.replay.endpoint = replay;
   job.policies.endpoint = "tcp://127.0.0.1:*";
   std::atomic<bool> ready = false;
   std::string endpoint;
   std::string error;
-  std::jthread thread([&](std::stop_token stop) {
+  auto done = registry.counter(metrics::kUpdates);
+  const auto has_made_them = [&] { return done.value() >= static_cast<double>(updates); };
+  std::stop_source stop;
+  Looks own_looks = 0;
+  const run::TrainingClock clock([&]() -> run::ClockReading {
+    if (!meanwhile && has_made_them()) stop.request_stop();
+    const double now = ++(looks ? *looks : own_looks);
+    return {.wall_s = now, .processor_s = now};
+  });
+  std::jthread thread([&] {
     try {
       LearnerService learner({}, method, spec, job, context, registry, clock);
       endpoint = learner.endpoint();
       ready = true;
-      EXPECT_EQ(learner.Run(stop), expected);
+      EXPECT_EQ(learner.Run(stop.get_token()), expected);
     } catch (const base::Error& e) {
       error = e.what();
       ready = true;
@@ -95,10 +110,11 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   });
   WaitUntil([&] { return ready.load(); });
   ASSERT_EQ(error, "");
-  auto done = registry.counter(metrics::kUpdates);
-  WaitUntil([&] { return done.value() >= static_cast<double>(updates); });
-  if (meanwhile) meanwhile(endpoint);
-  thread.request_stop();
+  if (meanwhile) {
+    WaitUntil(has_made_them);
+    meanwhile(endpoint);
+    stop.request_stop();
+  }
   thread.join();
   ASSERT_EQ(error, "");
 }
@@ -123,14 +139,6 @@ TEST(LearnerServiceTest, ARestartGoesOnAsIfNothingHadHappened) {
   EXPECT_EQ(*parts.snapshot.weights, *whole.snapshot.weights);
 }
 
-/// A clock that goes forward by a second at each look. `looks` counts them.
-run::TrainingClock ASecondALook(std::atomic<int>& looks) {
-  return run::TrainingClock([&looks] {
-    const double now = ++looks;
-    return run::ClockReading{.wall_s = now, .processor_s = now};
-  });
-}
-
 double TrainingSeconds(const fs::path& directory) {
   return std::stod(Policy(directory).metadata.at("training_s"));
 }
@@ -138,11 +146,10 @@ double TrainingSeconds(const fs::path& directory) {
 // Nothing listens where the replay server should be.
 TEST(LearnerServiceTest, WaitingForTheReplayServerTakesNothingFromTheLimit) {
   const test::ScratchDirectory scratch;
-  std::atomic<int> looks = 0;
+  Looks looks = 0;
   Learn(
       "tcp://127.0.0.1:9", scratch.path(), 0,
-      [&](const std::string&) { WaitUntil([&] { return looks > 50; }); }, {}, ASecondALook(looks),
-      10.0);
+      [&](const std::string&) { WaitUntil([&] { return looks > 50; }); }, {}, &looks, 10.0);
   EXPECT_EQ(TrainingSeconds(scratch.path()), 0.0);
   const std::string metrics = base::ReadFile(run::RunDirectory{scratch.path()}.metrics());
   EXPECT_EQ(std::count(metrics.begin(), metrics.end(), '\n'), 1) << "the header alone";
@@ -152,7 +159,7 @@ TEST(LearnerServiceTest, WaitingForTheReplayServerTakesNothingFromTheLimit) {
 TEST(LearnerServiceTest, AnOutageInTheMiddleTakesNothingFromTheLimit) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
-  std::atomic<int> looks = 0;
+  Looks looks = 0;
   int looks_at_outage = 0;
   Learn(
       replay.endpoint(), scratch.path(), kUpdates,
@@ -160,7 +167,7 @@ TEST(LearnerServiceTest, AnOutageInTheMiddleTakesNothingFromTheLimit) {
         looks_at_outage = looks;
         WaitUntil([&] { return looks > looks_at_outage + 100; });
       },
-      {}, ASecondALook(looks));
+      {}, &looks);
   EXPECT_GE(TrainingSeconds(scratch.path()), static_cast<double>(kUpdates));
   EXPECT_LT(TrainingSeconds(scratch.path()), looks_at_outage + 10.0);
 }
@@ -169,11 +176,11 @@ TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
   const fs::path policy = run::RunDirectory{scratch.path()}.policy();
-  std::atomic<int> looks = 0;
+  Looks looks = 0;
   Learn(
       replay.endpoint(), scratch.path(), 1,
-      [&](const std::string&) { WaitUntil([&] { return fs::exists(policy); }); }, {},
-      ASecondALook(looks), 10.0, TrainingEnd::kFinished);
+      [&](const std::string&) { WaitUntil([&] { return fs::exists(policy); }); }, {}, &looks, 10.0,
+      TrainingEnd::kFinished);
   const std::int64_t version = Policy(scratch.path()).snapshot.version;
   EXPECT_LT(version, kUpdates) << "it did not end at its limit";
   const auto written = fs::last_write_time(policy);
@@ -186,7 +193,7 @@ TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
         WaitUntil([&] { return link.Poll(); });
         EXPECT_EQ(link.version(), version);
       },
-      {}, ASecondALook(looks), 10.0, TrainingEnd::kWasFinished);
+      {}, &looks, 10.0, TrainingEnd::kWasFinished);
   EXPECT_EQ(fs::last_write_time(policy), written);
 }
 
@@ -195,8 +202,8 @@ TEST(LearnerServiceTest, ARunEndsOnceItHasMadeTheUpdatesThatItsStepsEarn) {
   const FilledReplay replay;
   const std::int64_t half = kUpdates / 2;
   const std::int64_t steps = kSteps / 2;  // Fewer than the actors have made already.
-  Learn(replay.endpoint(), scratch.path(), half, {}, {}, run::TrainingClock(), 0.0,
-        TrainingEnd::kFinished, steps);
+  Learn(replay.endpoint(), scratch.path(), half, {}, {}, nullptr, 0.0, TrainingEnd::kFinished,
+        steps);
   EXPECT_EQ(Policy(scratch.path()).snapshot.version, half);
 }
 
@@ -209,7 +216,7 @@ TEST(LearnerServiceTest, ImaginedUpdatesAreNotAmongThoseThatStepsEarn) {
   method.imagination.imagined_batches = 3;
   method.imagination.learning_starts = 1;  // From the first update on.
   constexpr std::int64_t kEarned = 50;
-  Learn(replay.endpoint(), scratch.path(), kEarned * 4, {}, method, run::TrainingClock(), 0.0,
+  Learn(replay.endpoint(), scratch.path(), kEarned * 4, {}, method, nullptr, 0.0,
         TrainingEnd::kFinished, 2 * kEarned);
   EXPECT_EQ(Policy(scratch.path()).snapshot.version, kEarned * 4);
 }
@@ -252,6 +259,34 @@ TEST(PolicyServerTest, TheOldestVersionHeldIsThatOfTheReaderFurthestBehind) {
     return server.num_readers() == 3;
   });
   EXPECT_EQ(server.oldest_held(), 1);
+}
+
+// A reader asks again within 5 s, and at once after an answer.
+TEST(PolicyServerTest, ASecondRequestIsAnsweredAndASilentReaderForgotten) {
+  test::HeldClock clock;
+  transport::Context context;
+  metrics::Registry registry("learner", "learner");
+  PolicyServer server(context, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry);
+  server.Publish(Learner({}, Spec(), 1).Snapshot(), {}, 0);
+  transport::Client reader(context, {.endpoint = server.endpoint()});
+  const std::string request = proto::Encode(proto::SnapshotRequest{0, "reader", false, false}, {});
+  for (int round = 0; round < 2; ++round) {
+    std::optional<transport::Message> answer;
+    int num_asked = 0;
+    for (; !answer; answer = reader.Receive(milliseconds(0))) {
+      server.Poll(milliseconds(0));
+      if (num_asked < 2) num_asked += reader.Send({transport::Frame::Copy(request), {}});
+    }
+    const auto header = proto::Decode(answer->header.bytes(), answer->payload.bytes());
+    EXPECT_EQ(std::get<proto::Snapshot>(*header).version, 0);
+    EXPECT_EQ(answer->payload.size(), 0u) << "it has the newest";
+    for (const int seconds : {19, 2}) {
+      EXPECT_EQ(server.num_readers(), 1);
+      clock.Advance(std::chrono::seconds(seconds));
+      server.Poll(milliseconds(0));
+    }
+    EXPECT_EQ(server.num_readers(), 0);
+  }
 }
 
 TEST(PolicyServerTest, AReaderGetsEachPolicyOnceAsItLastAskedForIt) {

@@ -105,8 +105,10 @@ TEST(RunEndTest, ANetworkWithoutGradientHasLearnedNothing) {
   config.method.learner.actor_learning_rate = 1.0;
   config.method.learner.critic_learning_rate = 1.0;
   const run::RunDirectory directory{scratch.path() / "run"};
-  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kLearnedNothing);
-  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kLearnedNothing);
+  for (const bool resume : {false, true}) {
+    EXPECT_EQ(RunOnce(config, directory, resume, {}, FakeClock().Make()),
+              TrainingEnd::kLearnedNothing);
+  }
   EXPECT_FALSE(fs::exists(directory.policy()));
 }
 

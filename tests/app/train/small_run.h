@@ -40,9 +40,10 @@ inline policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
 }
 
 inline TrainingEnd RunOnce(const RunConfig& config, const run::RunDirectory& directory,
-                           bool resume = false, std::stop_token stop = {}) {
+                           bool resume = false, std::stop_token stop = {},
+                           const run::TrainingClock& clock = run::TrainingClock()) {
   metrics::Registry registry("train", "test");
-  Trainer trainer(ResolveForTraining(config, resume), directory, "test", resume, registry);
+  Trainer trainer(ResolveForTraining(config, resume), directory, "test", resume, registry, clock);
   return trainer.Run(stop);
 }
 

@@ -1,10 +1,12 @@
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 
+#include <atomic>
 #include <future>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 #include <zmq.hpp>
 
@@ -366,10 +368,18 @@ TEST_P(HostileTest, BoundsHoldWhileTheServerIsBusy) {
   ServerOptions options;
   options.max_handshakes = 1;
   options.heartbeat = 30min;  // ZeroMQ itself ends no handshake while this test lasts.
-  Service service(GetParam(), options);
   std::vector<RawSocket> strangers;
+  std::atomic<int> num_ended = 0;
+  std::vector<std::jthread> readers;
+  Service service(GetParam(), options);  // Its end is that of the last stranger.
   for (int i = 0; i < 40; ++i) strangers.emplace_back(service.server().endpoint());
-  for (int i = 0; i < 39; ++i) strangers[i].ReadToEnd();
+  for (RawSocket& stranger : strangers) {
+    readers.emplace_back([&] {
+      stranger.ReadToEnd();
+      ++num_ended;
+    });
+  }
+  while (num_ended < 39) std::this_thread::yield();
   ExpectServed(service);
 }
 

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <sys/time.h>
 #include <unistd.h>
 
 #include <array>
@@ -17,7 +16,6 @@
 namespace slalom::transport::test {
 namespace {
 
-constexpr int kPatienceSeconds = 60;
 constexpr std::size_t kGreetingBytes = 64;
 
 sockaddr_in AddressOf(int port) {
@@ -31,9 +29,6 @@ sockaddr_in AddressOf(int port) {
 int NewSocket() {
   const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   SLALOM_CHECK_GE(fd, 0);
-  const timeval patience{kPatienceSeconds, 0};
-  SLALOM_CHECK_EQ(setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience), 0);
-  SLALOM_CHECK_EQ(setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience), 0);
   return fd;
 }
 
@@ -106,8 +101,6 @@ RawListener::~RawListener() { close(fd_); }
 RawSocket RawListener::Accept() {
   const int fd = accept(fd_, nullptr, nullptr);
   if (fd < 0) throw std::runtime_error(fmt::format("accept: {}", std::strerror(errno)));
-  const timeval patience{kPatienceSeconds, 0};
-  SLALOM_CHECK_EQ(setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience), 0);
   return RawSocket(fd);
 }
 

