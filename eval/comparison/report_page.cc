@@ -202,7 +202,7 @@ Json TrackJson(const sim::EpisodeTrack& track, std::size_t course, const Thinnin
                {"yaws", Packed(yaws, kAngleResolution)}};
   if (track.beams) json["scans"] = ScansJson(track, frames);
   if (!track.interventions.empty()) {
-    std::set<double> guarded;  // Frames.
+    std::set<std::size_t> guarded;  // Frames.
     for (const int i : track.interventions) guarded.insert(static_cast<std::size_t>(i) / stride);
     json["guarded"] = Packed({guarded.begin(), guarded.end()}, 1.0);
   }

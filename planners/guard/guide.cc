@@ -11,6 +11,8 @@ constexpr double kProgress = 0.3;      // What counts as getting on, [m].
 constexpr double kArrived = 0.3;       // What counts as having been at the goal, [m].
 constexpr double kTurnRate = 1.5;      // Of a turn on the spot, [rad/s].
 constexpr double kTurnedTo = 0.6;      // It ends when the waypoint is that far to the side, [rad].
+constexpr double kBackSpeed = 0.3;     // Out of a corner, [m/s].
+constexpr double kBackTime = 1.5;      // [s]
 constexpr double kPathPatience = 2.0;  // Times `rescue_after`: how long a way may be no shorter.
 
 }  // namespace
@@ -41,7 +43,7 @@ void Guide::Reset(const base::Pose2& X_OR, base::Vec2 goal_R, std::uint64_t seed
   guides_ = turns_ = has_arrived_ = false;
   to_goal_ = {base::Norm(goal_R), 0};
   along_path_ = {std::numeric_limits<double>::infinity(), 0};
-  num_rescues_ = num_rescue_steps_ = 0;
+  num_rescues_ = num_rescue_steps_ = num_back_steps_ = 0;
   places_O_.clear();
 }
 
@@ -65,6 +67,10 @@ Guide::Advice Guide::See(std::span<const std::uint16_t> ranges_cm, const env::Od
     return {};
   }
   if (rescues) {
+    if (num_back_steps_ > 0) {
+      --num_back_steps_;
+      return {.command = Twist{-kBackSpeed, 0.0}};
+    }
     --num_rescue_steps_;
     return {.command = command};
   }
@@ -104,6 +110,7 @@ bool Guide::IsStuck(base::Vec2 p_O, double way) {
       places_O_.size() > num_places && base::Norm(p_O - places_O_.front()) < kProgress;
   const bool strays = along_path_.num_steps >= Steps(kPathPatience * config_.rescue_after);
   if (!stands && !strays) return false;
+  num_back_steps_ = stands ? Steps(kBackTime) : 0;
   places_O_.clear();
   along_path_ = {std::numeric_limits<double>::infinity(), 0};
   return true;

@@ -43,10 +43,11 @@ class RestingPlanner : public LocalPlanner {
 
 /// Shows an agent the way where it does not find one: waypoints on a path over what the scans have
 /// shown so far, a turn on the spot towards one that is beside or behind the robot, and a planner
-/// that drives for a while where the robot does not get on, each time for longer. Only once the
-/// robot has come no nearer to the goal for `guard.waypoint_after`, from then on to the end of the
-/// episode. A robot that believes to be at its goal, and is not, is left alone there. Confined to
-/// one thread at a time. Cost: about 0.1 ms a step, and 1 ms once it guides.
+/// that drives for a while where the robot does not get on, each time for longer; if it stands,
+/// after backing up. Only once the robot has come no nearer to the goal for `guard.waypoint_after`,
+/// from then on to the end of the episode. A robot that believes to be at its goal, and is not, is
+/// left alone there. Confined to one thread at a time. Cost: about 0.1 ms a step, and 1 ms once it
+/// guides.
 class Guide {
  public:
   /// `step`: control step, [s].
@@ -95,6 +96,7 @@ class Guide {
   bool guides_ = false, turns_ = false, has_arrived_ = false;
   Progress to_goal_, along_path_;
   int num_rescues_ = 0, num_rescue_steps_ = 0;  // In this episode; left of the last one.
+  int num_back_steps_ = 0;                      // Left before its planner drives.
   std::vector<base::Vec2> places_O_;            // Of the last steps, the newest last.
 };
 

@@ -19,9 +19,14 @@ constexpr double kStands = 0.01;     // A robot that moves less in a step stands
 constexpr double kMaxBraking = 3.0;  // [s]
 constexpr double kSpacing = 0.015f;  // Points that are closer together count as one, [m].
 constexpr int kSameSurfaceCm = 10;   // Neighbours whose ranges differ by less are of one surface.
+// Each range becomes the mean of its neighbours', to each side at least and at most so many, as few
+// as the noise allows, and of at most so much of a surface, [m]: a mean rounds corners off.
+constexpr int kLeastNeighbours = 2, kMostNeighbours = 12;
+constexpr double kSmoothed = 0.02;
 // The margin is kept by a robot whose corners move that fast, [m/s]; a slower one keeps less of it,
 // in proportion, but at least this share: errors of a prediction grow with the way.
 constexpr float kFullMarginSpeed = 0.6f, kLeastMarginShare = 0.25f;
+constexpr float kSlack = 0.005f;  // How much closer a robot may come in a step, [m].
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
 int NumTicks(double time, double step) {
@@ -43,6 +48,23 @@ double LongestWay(const RobotModel& robot, double step) {
   return speed * (robot.delay + step + 0.5 * speed / braking);
 }
 
+/// How many neighbours to each side it takes to bring the noise of a scan down to half a
+/// centimetre. The noise is known by the median of the ranges' second differences, which are small
+/// on surfaces.
+int NeighboursFor(std::span<const std::uint16_t> ranges_cm) {
+  std::array<std::size_t, 32> counts{};
+  for (std::size_t i = 2; i < ranges_cm.size(); ++i) {
+    const int difference = std::abs(ranges_cm[i - 2] - 2 * ranges_cm[i - 1] + ranges_cm[i]);
+    ++counts[std::min<std::size_t>(difference, counts.size() - 1)];
+  }
+  std::size_t median = 0;
+  for (std::size_t below = counts[0]; 2 * below + 2 < ranges_cm.size(); below += counts[median]) {
+    ++median;
+  }
+  const double noise = static_cast<double>(median) / (0.6745 * std::sqrt(6.0));  // [cm]
+  return std::clamp(static_cast<int>(2.0 * noise * noise), kLeastNeighbours, kMostNeighbours);
+}
+
 }  // namespace
 
 Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeometry& geometry,
@@ -62,6 +84,7 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       reach_(LongestWay(robot, step) + Around(robot) + config.margin),
       kept_(reach_ + kKeptBeyond),
       cos_view_(std::cos(0.5 * geometry.field_of_view)),
+      angle_step_(geometry.field_of_view / (geometry.num_beams - 1)),
       directions_R_(BeamDirections(geometry)) {
   for (int i = 0; i < kLinearChoices; ++i) {
     for (int j = 0; j < kAngularChoices; ++j) {
@@ -78,6 +101,7 @@ void Shield::Reset() {
   near_.clear();
   sent_.assign(2 + delay_ticks_ / step_ticks_, Twist{});
   now_ = start_ = Motion{};
+  promised_ = -kFar;
 }
 
 /// The command on which the drive acts in that tick from now on, if it acts after a delay of so
@@ -128,20 +152,22 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   Drive(0, least_delay_ticks_, least_delay_ticks_, early_start_);
 }
 
-/// The median of a range and of its neighbours that lie on the same surface, [m]. So a beam that
-/// noise alone brought near moves back, and a pole that one beam hits stays.
-double Shield::Smoothed(std::span<const std::uint16_t> ranges_cm, int beam) const {
-  std::array<int, 5> sorted{};
-  int count = 0;
-  const int last = std::min(beam + 2, geometry_.num_beams - 1);
-  for (int k = std::max(beam - 2, 0); k <= last; ++k) {
-    if (std::abs(ranges_cm[k] - ranges_cm[beam]) > kSameSurfaceCm) continue;
-    int place = count++;
-    for (; place > 0 && sorted[place - 1] > ranges_cm[k]; --place)
-      sorted[place] = sorted[place - 1];
-    sorted[place] = ranges_cm[k];
+/// The mean of a range and of its neighbours on the same surface, [m]. So noise does not bring the
+/// nearest of many beams nearer, or a robot would creep up to a wall, and a pole that one beam hits
+/// stays.
+double Shield::Smoothed(std::span<const std::uint16_t> ranges_cm, int beam, int neighbours) const {
+  const int range = ranges_cm[beam];
+  const double spacing = 0.01 * std::max(range, 1) * angle_step_;
+  const int half = std::clamp(static_cast<int>(kSmoothed / spacing), kLeastNeighbours, neighbours);
+  int count = 0, sum = 0;
+  const int last = std::min(beam + half, geometry_.num_beams - 1);
+  for (int k = std::max(beam - half, 0); k <= last; ++k) {
+    const int other = ranges_cm[k];
+    if (std::abs(other - range) > kSameSurfaceCm) continue;
+    sum += other;
+    ++count;
   }
-  return 0.005 * (sorted[(count - 1) / 2] + sorted[count / 2]);
+  return 0.01 * sum / count;
 }
 
 /// Takes the near points of the scan, and keeps those seen before in directions where the range
@@ -166,10 +192,11 @@ void Shield::LookAround(std::span<const std::uint16_t> ranges_cm) {
   });
   const double reach = kept_ + base::Norm(geometry_.p_RS) + around_;
   const int longest = static_cast<int>(100.0 * std::min(reach, geometry_.clip - 0.005));
+  const int neighbours = NeighboursFor(ranges_cm);
   base::Vec2 last{1e9, 1e9};
   for (int i = 0; i < geometry_.num_beams; ++i) {
     if (ranges_cm[i] > longest) continue;
-    const base::Vec2 p_R = geometry_.p_RS + Smoothed(ranges_cm, i) * directions_R_[i];
+    const base::Vec2 p_R = geometry_.p_RS + Smoothed(ranges_cm, i, neighbours) * directions_R_[i];
     const base::Vec2 way = p_R - last;
     if (base::Dot(way, way) < kSpacing * kSpacing || !matters(p_R)) continue;
     last = p_R;
@@ -240,13 +267,16 @@ Shield::Choice Shield::Choose(Twist wanted) {
   const auto send = [this](const Choice& choice) {
     std::shift_right(sent_.begin(), sent_.end(), 1);
     sent_.front() = choice.command;
+    promised_ = static_cast<float>(std::min(choice.clearance, config_.margin)) - kSlack;
     return choice;
   };
   if (near_.empty()) return send({wanted, false, kFar});
-  // No closer than the margin or, if the robot is closer already, hardly closer than it is.
-  const float slack = std::clamp(0.1f * room_, 0.0f, 0.005f);
-  const auto enough = [this, slack](const Twist& command) {
-    return std::min(MarginOf(command), room_ - slack);
+  // No closer than the margin or, if the robot is closer already, hardly closer than it is, and
+  // than the last command would have brought it: noise gives no leave to come closer.
+  const float room = std::max(room_, promised_);
+  const float least = room - std::clamp(0.1f * room, 0.0f, kSlack);
+  const auto enough = [this, least](const Twist& command) {
+    return std::min(MarginOf(command), least);
   };
 
   choices_.clear();

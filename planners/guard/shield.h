@@ -61,7 +61,7 @@ class Shield {
 
   Twist CommandAt(int tick, int delay) const;
   void Drive(int begin, int end, int delay, Motion& motion) const;
-  double Smoothed(std::span<const std::uint16_t> ranges_cm, int beam) const;
+  double Smoothed(std::span<const std::uint16_t> ranges_cm, int beam, int neighbours) const;
   void LookAround(std::span<const std::uint16_t> ranges_cm);
   float MarginOf(const Twist& command) const;
   Lanes RoomAt(const Motion& motion) const;
@@ -77,6 +77,7 @@ class Shield {
   const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
   const double reach_, kept_;                   // How far from C points matter, and are kept, [m].
   const double cos_view_;                       // Of half the field of view.
+  const double angle_step_;                     // Between beams, [rad].
   const std::vector<base::Vec2> directions_R_;  // [N]
   std::vector<Twist> grid_;                     // Commands to fall back on.
 
@@ -88,6 +89,7 @@ class Shield {
   Motion now_;                   // As the robot moves now, in C.
   // When a new command begins to act: at the latest, and at the earliest where delays vary.
   Motion start_, early_start_;
+  float promised_ = 0.0f;                         // Of the last command, less what may go, [m].
   float room_ = 0.0f;                             // The least room until then, [m].
   std::vector<std::pair<float, Twist>> choices_;  // By distance from the command that was wanted.
 };

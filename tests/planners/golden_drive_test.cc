@@ -242,8 +242,8 @@ TEST_P(GoldenDrive, IsTheSame) {
 }
 
 TEST(GoldenGuard, IsTheSame) {
-  EXPECT_EQ(GuardAndHash(false), 11418750395005235129u);
-  EXPECT_EQ(GuardAndHash(true), 3426833015683274882u);
+  EXPECT_EQ(GuardAndHash(false), 17567288008615102273u);
+  EXPECT_EQ(GuardAndHash(true), 3507845572090872861u);
 }
 
 }  // namespace
