@@ -13,8 +13,13 @@
 /// (SLALOM_NATIVE).
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__AVX2__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if __GNUC__ >= 12
 #define SLALOM_VECTOR_CLONES __attribute__((target_clones("arch=x86-64-v3", "default")))
 #define SLALOM_SIMD __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else  // It chooses by features, and knows no levels.
+#define SLALOM_VECTOR_CLONES __attribute__((target_clones("avx2", "default")))
+#define SLALOM_SIMD __attribute__((target_clones("avx512f", "avx2", "default")))
+#endif
 #else
 #define SLALOM_VECTOR_CLONES
 #define SLALOM_SIMD

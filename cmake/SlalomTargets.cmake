@@ -57,8 +57,11 @@ function(slalom_add_library NAME)
     set(scope INTERFACE)
   endif()
   add_library(slalom::${NAME} ALIAS slalom_${NAME})
-  target_sources(slalom_${NAME} ${scope} FILE_SET HEADERS
-    BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ARG_HEADERS})
+  if(CMAKE_VERSION VERSION_LESS 3.23)  # It knows no sets of headers: cmake/Packages.cmake installs them by folder.
+    target_include_directories(slalom_${NAME} ${scope} $<INSTALL_INTERFACE:include/slalom>)
+  else()
+    target_sources(slalom_${NAME} ${scope} FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ARG_HEADERS})
+  endif()
   target_link_libraries(slalom_${NAME} ${scope} $<BUILD_INTERFACE:slalom_build_flags> ${ARG_DEPS})
   target_compile_features(slalom_${NAME} ${scope} cxx_std_20)
   set_target_properties(slalom_${NAME} PROPERTIES EXPORT_NAME ${NAME})

@@ -1,8 +1,8 @@
 """Pictures of what a robot sees."""
 
-import tomllib
-
 import numpy as np
+
+from . import _tomllib
 
 _PIXELS = 400
 _REACH = 5.5  # Metres from the robot to the border of the picture.
@@ -16,7 +16,7 @@ class Painter:
 
     def __init__(self, config, clip_cm):
         """config: the task as TOML."""
-        task = tomllib.loads(config)["environment"]
+        task = _tomllib.loads(config)["environment"]
         lidar, robot = task["lidar"], task["robot"]
         self._clip = clip_cm / 100
         centres = (np.arange(_PIXELS) + 0.5) * 2 * _REACH / _PIXELS - _REACH

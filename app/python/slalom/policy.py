@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _slalom
+from . import _slalom, _tomllib
 from ._copies import NotCopied
 
 
@@ -24,11 +24,9 @@ class Policy(NotCopied):
     def __init__(self, path: str | os.PathLike):
         """Loads a policy file. Raises `slalom.Error` if it is damaged, or if the policy was trained
         to plan with its model, which this package cannot."""
-        import tomllib
-
         self.path = path = os.fspath(path)
         self._core = _slalom.Policy(path)
-        self._config = tomllib.loads(self._core.metadata.get("config", ""))
+        self._config = _tomllib.loads(self._core.metadata.get("config", ""))
         if self._config.get("mpc", {}).get("enabled"):
             raise _slalom.Error(
                 f"{path}: this policy plans with a transition model (mpc.enabled), which the Python "

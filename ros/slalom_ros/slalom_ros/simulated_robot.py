@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import os
 import threading
-import tomllib
 from typing import Any, Callable, NamedTuple, Optional, Protocol, Sequence
 
 import numpy as np
@@ -257,6 +256,7 @@ def score(port: Port, parameters: dict[str, Any], on_ready: Callable[[SimulatedR
 
     parameters: some of `PARAMETERS`. on_ready: called with the robot before the first episode."""
     import slalom
+    from slalom import _tomllib
 
     p = {**PARAMETERS, **parameters}
     output = p["output"]
@@ -268,7 +268,7 @@ def score(port: Port, parameters: dict[str, Any], on_ready: Callable[[SimulatedR
     if p["range_clip"]:
         task["observation"] = {"range_clip": p["range_clip"]}
     courses = slalom.make_vec(p["courses"], 1, **task)
-    robot = SimulatedRobot(port, tomllib.loads(courses.config)["environment"], courses.course_names)
+    robot = SimulatedRobot(port, _tomllib.loads(courses.config)["environment"], courses.course_names)
     rules = {"num_environments": 1}
     if p["time_limit"]:
         rules["time_limit"] = p["time_limit"]
