@@ -3,7 +3,7 @@
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3 libode-dev libmujoco-dev)
 all_packages=(libbenchmark-dev clang libclang-rt-dev clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
-ros_packages=(iproute2 python3-rospy python3-rosmaster python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-tf2-msgs python3-rosbag)
+ros_packages=(iproute2 rosout python3-roslaunch python3-rospy python3-rosmaster python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-tf2-msgs python3-rosbag)
 
 test_help() {
   cat <<'HELP'
@@ -31,7 +31,7 @@ Parts:
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
-  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros  by --part alone
+  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, wheels, packages and image compiled for Debian 13, a minute for each fuzzer        --soak
 HELP
@@ -222,7 +222,7 @@ part_soak() {
 }
 
 # What each part takes from a clean clone on a slow machine with two cores [s].
-declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [ros]=210 [dev]=100 [deploy]=1350 [drills]=850 [arm64]=180)
+declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [ros]=240 [dev]=100 [deploy]=1350 [drills]=850 [arm64]=180)
 
 # ends_within MINUTES PART ELAPSED USUAL: whether a part would end in time, if it is as much slower or faster than usual as what
 # took ELAPSED seconds here and takes USUAL usually. 0 minutes: always.
@@ -277,7 +277,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release asan fuzz tsan tidy python dev deploy drills arm64)  # With --within the last ones are left out first.
+      chosen=(format release asan fuzz tsan tidy python ros dev deploy drills arm64)  # With --within the last ones are left out first.
     else
       chosen=(soak)
     fi

@@ -100,6 +100,34 @@ class Ros1Test(unittest.TestCase):
         robot.send_signal(signal.SIGINT)
         self.assertEqual(robot.wait(30), 130)
 
+    def launch(self, file, **arguments):
+        ros = os.path.join(os.path.dirname(__file__), "../../ros")
+        environment = {**os.environ, "ROS_PACKAGE_PATH": ros, "PATH": f"/usr/bin:{os.environ['PATH']}"}  # Debian's Python.
+        process = subprocess.Popen(["roslaunch", "slalom_ros", file, *(f"{name}:={value}" for name, value in arguments.items())],
+                                   env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.send_signal, signal.SIGINT)
+        return process
+
+    def test_launch_files_drive(self):
+        """The Challenge's is told a goal relative to the start, and not the robot's: it is about 10 m ahead."""
+        challenge = {"scan": "/front/scan", "odom": "/odometry/filtered", "goal_pose": "/untold", "current_goal": "/untold_either"}
+        for file, arguments, topics in (("drive.launch", {"guard": "false", "scan": "/front/scan"}, {"scan": "/front/scan"}),
+                                        ("barn.launch", {"goal_x": 10, "goal_y": 0}, challenge)):
+            with self.subTest(file=file):
+                driving = self.launch(file, agent=POLICY, **arguments)
+                robot = self.start("robot", remapped=topics, courses="generated:1:1")
+                said, _ = robot.communicate(timeout=300)
+                self.assertRegex(said, "success +100.0 %")
+                driving.send_signal(signal.SIGINT)
+                driving.wait(60)
+
+    def test_a_launch_file_scores(self):
+        with tempfile.TemporaryDirectory() as output:
+            self.start("driver", agent=POLICY)
+            self.launch("score.launch", courses="generated:1:1", output=output).wait(300)
+            self.assertEqual(len(Path(output, "evaluation-episodes.csv").read_text(encoding="utf8").splitlines()), 2)
+
     def test_says_what_is_wrong(self):
         for node, parameters, expected in (
                 ("driver", {}, "agent is '', expected a policy's file, or one of dwa"),
