@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, InsertDeskModel, testing::Range<std::uint64_t>(1
 /// A desk with one actor at hand.
 class InsertDeskTest : public testing::Test {
  protected:
-  InsertDeskTest() : server_(&log_, &network_, 0) {}
+  explicit InsertDeskTest(std::int64_t ahead = 0) : server_(&log_, &network_, ahead) {}
 
   PeerId Greet(const std::string& name, std::uint64_t session, int streams = 2) {
     const PeerId peer = network_.Connect();
@@ -201,6 +201,32 @@ TEST_F(InsertDeskTest, WelcomeAndAcknowledgementWaitForTheLog) {
   // A hello of the same session tells what is safe, not what has come.
   const PeerId again = Greet("a", 1);
   EXPECT_EQ(Only<proto::Welcome>(again).next_sequence, 1u);
+}
+
+/// The limiter holds all but the first chunks.
+class HeldInsertDeskTest : public InsertDeskTest {
+ protected:
+  HeldInsertDeskTest() : InsertDeskTest(2) {}
+};
+
+TEST_F(HeldInsertDeskTest, AGoodbyeLosesNothingThatIsHeld) {
+  const PeerId peer = Greet("a", 1);
+  for (std::uint64_t k = 0; k < 4; ++k) Insert(peer, 1, k, source_.Next());
+  ASSERT_GT(server_.desk->num_held(), 0);
+  server_.desk->Goodbye(peer, {.session = 1}, now_);
+  EXPECT_EQ(server_.desk->num_held(), 0);
+  EXPECT_EQ(server_.desk->counts().chunks_accepted, 4);
+  EXPECT_TRUE(server_.desk->sessions().FindName("a")->ended);
+}
+
+TEST_F(InsertDeskTest, WhoeverIsSilentHasNoShareOfTheWindow) {
+  const PeerId peer = Greet("a", 1);
+  Greet("b", 1);
+  for (const int present : {2, 1, 0}) {
+    EXPECT_EQ(server_.desk->num_present(now_), present);
+    now_ += std::chrono::minutes(1);
+    if (present == 2) server_.desk->Heard(peer, now_);
+  }
 }
 
 TEST_F(InsertDeskTest, AChunkThatBreaksItsEpisodesIsRefusedAsAWhole) {

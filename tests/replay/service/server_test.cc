@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -111,6 +112,9 @@ TEST(ReplayServerTest, PrioritiesComeBackAfterARestart) {
   test::ScratchDirectory scratch;
   ReplayServerConfig config;
   config.directory = (scratch.path() / "replay").string();
+  config.segment_bytes = 65536;
+  config.sync_interval = 0.01;
+  config.max_ahead_steps = 0;
   constexpr int kBatch = 64;
   transport::Context context;
   std::int64_t chosen = 0;
@@ -157,6 +161,16 @@ TEST(ReplayServerTest, PrioritiesComeBackAfterARestart) {
   ASSERT_TRUE(learner.Expect<proto::Welcome>());
   const auto drawn = sample(learner, 1);
   EXPECT_GT(std::ranges::count(drawn, chosen), kBatch / 2);
+  // A kill leaves those behind that are saved whenever a segment is full.
+  const std::filesystem::path saved = PrioritiesPath(config.directory);
+  ASSERT_TRUE(std::filesystem::remove(saved));
+  TestPeer actor(context, server.endpoint());
+  actor.Send(HelloOf("actor", "a", 2));
+  ASSERT_TRUE(actor.Expect<proto::Welcome>());
+  RowsSource source(kBeams, kStreams, 2);
+  for (std::uint64_t k = 0; !std::filesystem::exists(saved); ++k) {
+    InsertAll(actor, source, nullptr, 2, k, k + 1);
+  }
 }
 
 // Else a restart while no learner is there would hold actors back as if nothing had been granted.
@@ -180,6 +194,8 @@ TEST(ReplayServerTest, WhatLearnersWereGrantedComesBackAfterARestart) {
     ASSERT_TRUE(actor.Expect<proto::Welcome>());
     for (; sent < 13; ++sent) InsertAll(actor, source, nullptr, 1, sent, sent + 1);
     ASSERT_TRUE(learner.Expect<proto::SampleReply>());
+    // What a kill leaves behind: they are saved every second.
+    while (!std::filesystem::exists(CursorsPath(config.directory))) std::this_thread::yield();
   }
   // Far more than `max_ahead_steps`, and fewer than what the learner was granted allows.
   RunningServer server(config);
