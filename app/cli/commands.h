@@ -20,6 +20,8 @@ void AddActCommand(CLI::App& app);
 void AddExportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
+/// `slalom service`: all processes of a service on this machine.
+void AddLocalServiceCommand(CLI::App& app, int* exit_code);
 void AddWatchCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
 void AddSweepCommand(CLI::App& app, int* exit_code);

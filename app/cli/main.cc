@@ -128,6 +128,7 @@ int Run(int argc, char** argv) {
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddActCommand(app);
   slalom::cli::AddExportCommand(app);
+  slalom::cli::AddLocalServiceCommand(app, &exit_code);
   slalom::cli::AddServiceCommands(app, &exit_code);
   slalom::cli::AddStatusCommand(app);
   slalom::cli::AddConfigCommand(app);

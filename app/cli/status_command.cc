@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "app/cli/commands.h"
+#include "app/cli/service_status.h"
 #include "app/cli/status_table.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
@@ -20,20 +21,11 @@
 #include "proto/transport/security.h"
 
 namespace slalom::cli {
-namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-constexpr std::chrono::seconds kPatience{5};
-
-struct StatusOptions {
-  std::optional<std::string> config;
-  std::vector<std::string> overrides;
-  bool json = false;
-};
-
-proto::StatusReply AskStatus(const train::RunConfig& config) {
+proto::StatusReply AskStatus(const train::RunConfig& config, milliseconds patience) {
   transport::Context context;
   proto::Hello hello;
   hello.role = "operator";
@@ -47,7 +39,7 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
        .security = transport::MakeClientSecurity(config.security, transport::Role::kOperator,
                                                  transport::Role::kReplay, endpoint)},
       hello);
-  const auto give_up = steady_clock::now() + kPatience;
+  const auto give_up = steady_clock::now() + patience;
   bool asked = false;
   while (steady_clock::now() < give_up) {
     auto received = link.Receive(milliseconds(50));
@@ -62,6 +54,16 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
       endpoint, trouble.empty() ? "" : ": ", trouble,
       (std::filesystem::path(config.service.state) / "learner").string());
 }
+
+namespace {
+
+constexpr std::chrono::seconds kPatience{5};
+
+struct StatusOptions {
+  std::optional<std::string> config;
+  std::vector<std::string> overrides;
+  bool json = false;
+};
 
 void PrintJson(const proto::StatusReply& status) {
   nlohmann::json roles = nlohmann::json::array();
@@ -80,7 +82,7 @@ void PrintJson(const proto::StatusReply& status) {
 
 void Status(const StatusOptions& options) {
   const auto config = config::Load<train::RunConfig>(options.config, options.overrides);
-  const proto::StatusReply status = AskStatus(config);
+  const proto::StatusReply status = AskStatus(config, kPatience);
   if (options.json) return PrintJson(status);
   fmt::print("{}", FormatStatus(status));
 }

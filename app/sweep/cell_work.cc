@@ -11,8 +11,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "app/sweep/cell_service.h"
+#include "app/sweep/cell_commands.h"
 #include "app/sweep/store.h"
+#include "app/train/local_service.h"
 #include "app/train/resolved_run.h"
 #include "app/train/trained_policy.h"
 #include "base/child_process.h"
@@ -317,21 +318,23 @@ class Work {
   Ended RunService(bool resume) {
     std::error_code ignored;
     if (!resume) fs::remove_all(directory_.service(), ignored);
-    CellService service({.program = options_.program,
-                         .config = *cell_.config,
-                         .num_actors = cell_.num_actors,
-                         .directory = directory_.service(),
-                         .run = directory_.run(),
-                         .log = directory_.log(),
-                         .cores = options_.cores,
-                         .environment = Environment()});
+    train::RunConfig config = *cell_.config;
+    config.service.metrics = "";
+    train::LocalService service({.program = options_.program,
+                                 .config = std::move(config),
+                                 .num_actors = cell_.num_actors,
+                                 .directory = directory_.service(),
+                                 .run = directory_.run(),
+                                 .log = directory_.log(),
+                                 .cores = options_.cores,
+                                 .environment = Environment()});
     const Ended ended = Await(service);
     fault_ = service.fault();
     return ended;
   }
 
-  /// Waits for a `base::ChildProcess` or a `CellService`, and tells it to save and end if the work
-  /// ends before it does.
+  /// Waits for a `base::ChildProcess` or a `train::LocalService`, and tells it to save and end if
+  /// the work ends before it does.
   template <class Job>
   Ended Await(Job& job) {
     Clock::time_point last_beat = Clock::now();

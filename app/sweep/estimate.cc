@@ -6,8 +6,9 @@
 #include <chrono>
 #include <string>
 
-#include "app/sweep/cell_service.h"
+#include "app/sweep/cell_commands.h"
 #include "app/train/disk_room.h"
+#include "app/train/local_service.h"
 #include "app/train/resolved_run.h"
 #include "base/child_process.h"
 #include "base/config.h"
@@ -126,13 +127,14 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
   base::WriteFileAtomically(file, config::ToToml(config));
   std::optional<int> exit_code;
   if (cell.num_actors > 0) {
-    CellService service({.program = program,
-                         .config = config,
-                         .num_actors = cell.num_actors,
-                         .directory = scratch.path() / "service",
-                         .run = run.root,
-                         .log = log,
-                         .environment = ThreadLimits(1)});
+    config.service.metrics = "";
+    train::LocalService service({.program = program,
+                                 .config = config,
+                                 .num_actors = cell.num_actors,
+                                 .directory = scratch.path() / "service",
+                                 .run = run.root,
+                                 .log = log,
+                                 .environment = ThreadLimits(1)});
     const auto end = std::chrono::steady_clock::now() + kTrial;
     while (!exit_code && std::chrono::steady_clock::now() < end) {
       exit_code = service.Wait(std::chrono::milliseconds(200));

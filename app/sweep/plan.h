@@ -68,11 +68,9 @@ struct SweepSettings {
       "Names of the scores for groups that list none. Empty: all. With --set, a plan can "
       "thus be scored on validation courses in place of the test courses.");
     v("quantities", quantities,
-      "Quantities (as those of [[conclusion]]) that have a table each, with the scores side by "
-      "side. "
-      "Empty: success_rate, collision_rate, survival_time_s and traversal_time_s, and with one "
-      "axis "
-      "a table per score.");
+      "Quantities, as a [[conclusion]] names them, that have a table each, with the scores side by "
+      "side. Empty: the rates of success and collision and both times, and with one axis a table "
+      "per score.");
     v("trainer", trainer,
       "What trains a cell. process: one `slalom train`. service: a replay server, a learner and "
       "sweep.actors actors of its own, which are never in lockstep.");

@@ -251,8 +251,9 @@ class Worker {
 
   static std::string StatusText(const Cell& cell, const CellStatus& status) {
     if (status.state == CellState::kScoring || !cell.config) {
-      return fmt::format("{}: score {} of {}", cell.name(), status.num_scores_done + 1,
-                         cell.scores.size());
+      const int num_scores = static_cast<int>(cell.scores.size());
+      return fmt::format("{}: score {} of {}", cell.name(),
+                         std::min(status.num_scores_done + 1, num_scores), num_scores);
     }
     return fmt::format("{}: {} of {} steps", cell.name(),
                        base::FormatCount(static_cast<double>(status.steps)),

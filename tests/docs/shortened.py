@@ -85,6 +85,8 @@ def shortened(program, page, arguments):
     if command == "sweep" and rest[:1] != ["import"]:  # Which has no plan.
         few_courses_of_plan(Path(rest[1]))
         return arguments + ["--set", "sweep.seeds=[1]", f"run.max_steps={STEPS[False]}", *START, *EPISODES]
+    if command == "service":
+        return arguments + ["--set", "run.max_seconds=0", f"run.max_steps={STEPS[False]}", *EPISODES, *START]
     if command in ROLES:
         ports = os.environ["SLALOM_PORTS"].split()
         return arguments + ["--set", f"service.replay=tcp://127.0.0.1:{ports[0]}", f"service.learner=tcp://127.0.0.1:{ports[1]}"]

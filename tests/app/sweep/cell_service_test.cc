@@ -1,5 +1,3 @@
-#include "app/sweep/cell_service.h"
-
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -7,61 +7,41 @@
 #include <string>
 #include <vector>
 
-#include "app/sweep/cell.h"
 #include "app/train/run_config.h"
 #include "base/child_process.h"
 
-namespace slalom::sweep {
+namespace slalom::train {
 
-/// Trains a run below `output` from a config, or goes on with the run `output` if there is no
-/// config. Scores nothing.
-std::vector<std::string> TrainCommand(const std::filesystem::path& program,
-                                      const std::optional<std::filesystem::path>& config,
-                                      const std::filesystem::path& output);
-
-/// Environment variables that give the libraries of a child process so many threads.
-std::vector<std::string> ThreadLimits(int threads);
-
-/// One evaluation that `EvaluateCommand` runs.
-struct ScoreCommand {
-  std::optional<std::filesystem::path> policy;  ///< Empty if the cell's planner drives.
-  std::filesystem::path config;
-  std::filesystem::path output;  ///< Replaced if it is there.
-  int threads = 1;
-};
-
-/// Scores a cell as `task` says.
-std::vector<std::string> EvaluateCommand(const std::filesystem::path& program, const Cell& cell,
-                                         const ScoreTask& task, const ScoreCommand& score);
-
-/// Options of a cell's service.
-struct CellServiceOptions {
+/// Options of a service on this machine.
+struct LocalServiceOptions {
   std::filesystem::path program;  ///< `slalom` itself.
-  train::RunConfig config;        ///< Config of the training. Its addresses and keys do not count.
+  RunConfig config;               ///< Config of the training. Its addresses and keys do not count.
   int num_actors = 1;
+  bool evaluator = false;           ///< Whether one scores the learner's policies meanwhile.
   std::filesystem::path directory;  ///< For config, keys, journal and the actors' files.
   std::filesystem::path run;        ///< The run's directory.
-  std::filesystem::path log;        ///< The output of all processes is appended to it.
-  std::vector<int> cores{};         ///< As in `base::ChildOptions`.
+  /// The output of all processes is appended to it. Empty: of each to logs/NAME.log in `directory`.
+  std::filesystem::path log{};
+  std::vector<int> cores{};  ///< As in `base::ChildOptions`.
   std::vector<std::string> environment{};
 };
 
-/// The service that trains one cell: a replay server, a learner and actors, as child processes that
-/// end with this one. They meet at addresses of this machine that are new at each start, and so are
-/// their keys: no other process can take part.
+/// A service on this machine: a replay server, a learner, actors and an evaluator, as child
+/// processes that end with this one. They meet at addresses of this machine that are new at each
+/// start, and so are their keys: no other process can take part.
 ///
 /// A process that something else ended, by whatever signal, is started again. If that happens to
 /// one five times in a row within ten seconds of its start, or if a process ends with an error,
 /// the service ends. Confined to the thread that made it, which must live as long.
-class CellService {
+class LocalService {
  public:
   /// Starts the service, which continues if `directory` and `run` hold its files. Throws
   /// `base::Error` if files cannot be written or a process cannot be started.
-  explicit CellService(const CellServiceOptions& options);
+  explicit LocalService(const LocalServiceOptions& options);
   /// Kills what still runs.
-  ~CellService();
-  CellService(const CellService&) = delete;
-  CellService& operator=(const CellService&) = delete;
+  ~LocalService();
+  LocalService(const LocalService&) = delete;
+  LocalService& operator=(const LocalService&) = delete;
 
   /// Looks after the processes for about `time`. Returns nothing while they run, and the learner's
   /// exit code once all have ended: because the training ended, or after `Signal`. Returns
@@ -70,6 +50,12 @@ class CellService {
 
   /// Sends each process a signal that ends it. It is not started again.
   void Signal(int signal);
+
+  /// The config of all processes, for those who ask them.
+  const RunConfig& config() const { return service_config_; }
+
+  /// How often a process was started again.
+  int num_restarts() const { return num_restarts_; }
 
   /// Why the service ended, as a sentence without its full stop. Empty if the training ended.
   const std::string& fault() const { return fault_; }
@@ -93,12 +79,14 @@ class CellService {
   void End(int exit_code);
   bool IsTrained() const;
 
-  const CellServiceOptions options_;
-  std::filesystem::path config_;
+  const LocalServiceOptions options_;
+  const RunConfig service_config_;
+  const std::filesystem::path config_file_;
   std::vector<Member> members_;                ///< The learner first.
   std::optional<int> exit_code_;               ///< Set once the service is to end.
   std::optional<Clock::time_point> deadline_;  ///< After which what still runs is killed.
+  int num_restarts_ = 0;
   std::string fault_;
 };
 
-}  // namespace slalom::sweep
+}  // namespace slalom::train

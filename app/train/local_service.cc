@@ -1,4 +1,4 @@
-#include "app/sweep/cell_service.h"
+#include "app/train/local_service.h"
 
 #include <fmt/format.h>
 
@@ -18,7 +18,7 @@
 #include "learner/run/run_directory.h"
 #include "proto/transport/keys.h"
 
-namespace slalom::sweep {
+namespace slalom::train {
 namespace {
 
 namespace fs = std::filesystem;
@@ -34,24 +34,25 @@ void RenewKeys(const fs::path& directory) {
   transport::WriteNewKeys(directory);
 }
 
-/// The config of all processes. Everything in it that names a place is the cell's own.
-train::RunConfig ConfigOfService(const CellServiceOptions& options) {
+/// The config of all processes, with new keys. Everything in it that names a place is the service's
+/// own.
+RunConfig ConfigOfService(const LocalServiceOptions& options) {
   const fs::path root = fs::absolute(options.directory);
-  train::RunConfig config = options.config;
+  base::MakeDirectories(root);
+  RenewKeys(root / "keys");
+  RunConfig config = options.config;
   config.security = {};
   config.security.keys = (root / "keys").string();
   // Sockets of the abstract namespace: no file stays behind, and no port has to be free. The name
   // follows from a key that was just drawn.
-  const std::string address = fmt::format(
-      "ipc://@slalom-{}",
-      train::Digest(transport::LoadPublicKey(config.security.keys, transport::Role::kReplay)));
-  const int io_threads = config.service.io_threads;
-  config.service = {};
-  config.service.io_threads = io_threads;
-  config.service.replay = address + "-replay";
-  config.service.learner = address + "-learner";
-  config.service.metrics = "";
-  config.service.state = root.string();
+  const std::string address =
+      fmt::format("ipc://@slalom-{}",
+                  Digest(transport::LoadPublicKey(config.security.keys, transport::Role::kReplay)));
+  config.service = {.replay = address + "-replay",
+                    .learner = address + "-learner",
+                    .metrics = config.service.metrics,
+                    .state = root.string(),
+                    .io_threads = config.service.io_threads};
   config.replay_server.directory = "";
   config.learner_service.directory = fs::absolute(options.run).string();
   config.learner_service.exit_when_finished = true;
@@ -61,77 +62,43 @@ train::RunConfig ConfigOfService(const CellServiceOptions& options) {
 /// Runs a process of a service.
 std::vector<std::string> ServiceCommand(const fs::path& program, const std::string& role,
                                         const fs::path& config, const std::string& name) {
-  return {program.string(), role, train::kConfigOption, config.string(), train::kNameOption, name};
+  return {program.string(), role, kConfigOption, config.string(), kNameOption, name};
 }
 
 }  // namespace
 
-std::vector<std::string> TrainCommand(const fs::path& program,
-                                      const std::optional<fs::path>& config,
-                                      const fs::path& output) {
-  if (!config) {
-    return {program.string(), "train", output.string(), train::kResumeOption,
-            train::kNoEvaluationOption};
-  }
-  return {program.string(),     "train",         config->string(),
-          train::kOutputOption, output.string(), train::kNoEvaluationOption};
-}
-
-std::vector<std::string> ThreadLimits(int threads) {
-  const std::string count = std::to_string(threads);
-  return {"OMP_NUM_THREADS=" + count, "OPENBLAS_NUM_THREADS=" + count};
-}
-
-std::vector<std::string> EvaluateCommand(const fs::path& program, const Cell& cell,
-                                         const ScoreTask& task, const ScoreCommand& score) {
-  return {program.string(),
-          "evaluate",
-          score.policy ? train::kPolicyOption : train::kAgentOption,
-          score.policy ? score.policy->string() : cell.planner,
-          train::kConfigOption,
-          score.config.string(),
-          train::kCoursesOption,
-          task.courses,
-          train::kPhysicsOption,
-          task.physics,
-          train::kOutputOption,
-          score.output.string(),
-          train::kForceOption,
-          train::kNameOption,
-          cell.row_name(),
-          train::kThreadsOption,
-          std::to_string(std::min(score.threads, train::kMaxThreads))};
-}
-
-CellService::CellService(const CellServiceOptions& options)
-    : options_(options), config_(options.directory / "service.toml") {
-  base::MakeDirectories(options.directory);
-  RenewKeys(options.directory / "keys");
-  base::WriteFileAtomically(config_, config::ToToml(ConfigOfService(options)));
+LocalService::LocalService(const LocalServiceOptions& options)
+    : options_(options),
+      service_config_(ConfigOfService(options)),
+      config_file_(options.directory / "service.toml") {
+  base::WriteFileAtomically(config_file_, config::ToToml(service_config_));
   Add("learner", "learner");
   Add("replay", "replay");
   for (int i = 1; i <= options.num_actors; ++i) Add("actor", fmt::format("actor-{}", i));
+  if (options.evaluator) Add("evaluator", "evaluator");
   for (Member& member : members_) Start(member);
 }
 
-CellService::~CellService() = default;
+LocalService::~LocalService() = default;
 
-void CellService::Add(const std::string& role, const std::string& name) {
+void LocalService::Add(const std::string& role, const std::string& name) {
+  const fs::path logs = options_.directory / "logs";
+  if (options_.log.empty()) base::MakeDirectories(logs);
   members_.push_back(
       {.command = role == name ? "slalom " + role : fmt::format("slalom {} --name {}", role, name),
-       .options = {.arguments = ServiceCommand(options_.program, role, config_, name),
-                   .log = options_.log,
+       .options = {.arguments = ServiceCommand(options_.program, role, config_file_, name),
+                   .log = options_.log.empty() ? logs / (name + ".log") : options_.log,
                    .cores = options_.cores,
                    .environment = options_.environment}});
 }
 
-void CellService::Start(Member& member) {
+void LocalService::Start(Member& member) {
   member.exit_code.reset();
   member.started = Clock::now();
   member.process = std::make_unique<base::ChildProcess>(member.options);
 }
 
-std::optional<int> CellService::Wait(std::chrono::milliseconds time) {
+std::optional<int> LocalService::Wait(std::chrono::milliseconds time) {
   for (Member& member : members_) {
     if (member.exit_code) continue;
     // The time passes at the first one that runs.
@@ -144,7 +111,7 @@ std::optional<int> CellService::Wait(std::chrono::milliseconds time) {
   return fault_.empty() ? *members_.front().exit_code : base::kExitError;
 }
 
-void CellService::LookAfter(Member& member) {
+void LocalService::LookAfter(Member& member) {
   const int exit_code = *member.exit_code;
   const bool is_learner = &member == &members_.front();
   const bool is_over =
@@ -153,6 +120,7 @@ void CellService::LookAfter(Member& member) {
   if (is_over) return End(exit_code);
   if (exit_code != base::kExitOk && exit_code < base::kExitSignalBase) {
     fault_ = fmt::format("`{}` ended with exit code {}", member.command, exit_code);
+    if (options_.log.empty()) fault_ += fmt::format("; {} says why", member.options.log.string());
     return End(exit_code);
   }
   const std::string how =
@@ -166,28 +134,29 @@ void CellService::LookAfter(Member& member) {
     return End(exit_code);
   }
   spdlog::warn("{}: `{}` {} and is started again", options_.run.string(), member.command, how);
+  ++num_restarts_;
   Start(member);
 }
 
-void CellService::End(int exit_code) {
+void LocalService::End(int exit_code) {
   Signal(SIGTERM);
   exit_code_ = exit_code;
   deadline_ = Clock::now() + kTimeToEnd;
 }
 
-void CellService::Signal(int signal) {
+void LocalService::Signal(int signal) {
   if (!exit_code_) exit_code_ = base::kExitSignalBase + signal;
   for (Member& member : members_) member.process->Signal(signal);
 }
 
-bool CellService::IsTrained() const {
+bool LocalService::IsTrained() const {
   try {
-    return train::IsAtLimit(train::ReadPolicyFigures(run::RunDirectory{options_.run}.policy()),
-                            options_.config.run);
+    return IsAtLimit(ReadPolicyFigures(run::RunDirectory{options_.run}.policy()),
+                     options_.config.run);
   } catch (const base::Error& error) {
     spdlog::warn("{}", error.what());
     return false;
   }
 }
 
-}  // namespace slalom::sweep
+}  // namespace slalom::train

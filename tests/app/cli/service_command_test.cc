@@ -1,0 +1,71 @@
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/file.h"
+#include "tests/app/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  const std::vector<std::string> command = {"service", "tiny.toml", "--actors",
+                                            "2",       "--set",     "run.deterministic=false"};
+  const fs::path state = scratch.path() / "state";
+  {
+    BackgroundProgram program(command, scratch.path());
+    const fs::path metrics = state / "learner/metrics.csv";
+    while (!fs::exists(metrics) || std::ranges::count(base::ReadFile(metrics), '\n') < 4) {
+      std::this_thread::yield();
+    }
+    const ProgramResult second = RunProgram(command, fs::path(scratch.path()));
+    EXPECT_EQ(second.exit_code, 1);
+    EXPECT_THAT(second.err, HasSubstr("state/service.lock: another `slalom service` works"));
+    const ProgramResult status =
+        RunProgram({"status", "--config", "state/service.toml"}, scratch.path());
+    EXPECT_THAT(status.out,
+                AllOf(HasSubstr("learner"), HasSubstr("actor-1"), HasSubstr("actor-2")));
+    program.Signal(SIGINT);
+    EXPECT_EQ(program.Wait(), 128 + SIGINT);
+  }
+  EXPECT_THAT(base::ReadFile(scratch.path() / "out"),
+              HasSubstr("service tiny.toml --actors 2 --set run.deterministic=false\n"));
+  EXPECT_FALSE(fs::exists(state / "learner/evaluation.json"));
+  for (const char* name : {"learner", "replay", "actor-1", "actor-2"}) {
+    EXPECT_THAT(base::ReadFile(state / "logs" / (std::string(name) + ".log")), HasSubstr("info"));
+  }
+
+  WriteTinyConfig(scratch.path(), 1);  // So that it is finished.
+  const ProgramResult finished = RunProgram(command, scratch.path());
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_THAT(finished.out, HasSubstr("state/learner/policy.safetensors"));
+  EXPECT_TRUE(fs::exists(state / "learner/evaluation.json"));
+}
+
+TEST(ServiceCommandTest, AProcessThatFailsIsNamedWithItsLog) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1000);
+  const ProgramResult result =
+      RunProgram({"service", "tiny.toml", "--set", "run.deterministic=false", "--evaluator",
+                  "--set", "evaluator_service.courses=none-such"},
+                 scratch.path());
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("`slalom evaluator` ended with exit code 1; "
+                                    "state/logs/evaluator.log says why"));
+  EXPECT_THAT(base::ReadFile(scratch.path() / "state/logs/evaluator.log"), HasSubstr("none-such"));
+}
+
+}  // namespace
+}  // namespace slalom::test
