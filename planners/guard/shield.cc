@@ -273,8 +273,8 @@ Shield::Choice Shield::Choose(Twist wanted) {
   if (near_.empty()) return send({wanted, false, kFar});
   // No closer than the margin or, if the robot is closer already, hardly closer than it is, and
   // than the last command would have brought it: noise gives no leave to come closer.
-  const float room = std::max(room_, promised_);
-  const float least = room - std::clamp(0.1f * room, 0.0f, kSlack);
+  const float kept = std::max(room_, promised_);
+  const float least = kept - std::clamp(0.1f * kept, 0.0f, kSlack);
   const auto enough = [this, least](const Twist& command) {
     return std::min(MarginOf(command), least);
   };
