@@ -39,6 +39,7 @@ std::vector<std::size_t> QuantitiesOf(const Plan& plan) {
   std::vector<std::string> wanted = plan.sweep.quantities;
   if (wanted.empty()) wanted.assign(kUsualQuantities.begin(), kUsualQuantities.end());
   std::vector<std::size_t> quantities;
+  quantities.reserve(wanted.size());
   for (const std::string& key : wanted) quantities.push_back(*eval::FindQuantity(key));
   std::ranges::sort(quantities);
   return quantities;

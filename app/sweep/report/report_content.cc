@@ -68,6 +68,7 @@ eval::Estimate AreaOf(const std::vector<eval::ScoreTable>& tables,
   for (std::size_t s = 0; s < areas.scores.size(); ++s) {
     for (std::size_t c = 0; c < areas.scores[s].size(); ++c) {
       std::vector<double> heights;
+      heights.reserve(tables.size());
       for (const eval::ScoreTable& table : tables) heights.push_back(table.scores[s][c]);
       areas.scores[s][c] = eval::AreaUnderCurve(x[s], heights);
     }
@@ -94,6 +95,7 @@ LearningCurve CurveOf(const SweepResults& results, std::span<const RowScore> sna
   }
   if (steps.size() < 2) return curve;
   std::vector<std::vector<double>> seconds;
+  seconds.reserve(cells.size());
   for (const std::size_t cell : cells) seconds.push_back(SecondsOf(results, cell, steps));
   const bool has_seconds = std::ranges::find(seconds, std::vector<double>()) == seconds.end();
   for (std::size_t p = 0; p < steps.size(); ++p) {
