@@ -256,6 +256,7 @@ std::string OneReport(const train::Scores& scores, bool as_json) {
 /// "Physics: slalom, mujoco 3.2."
 std::string PhysicsSentence(const std::vector<eval::Result>& results) {
   std::vector<std::string> names;
+  names.reserve(results.size());
   for (const eval::Result& result : results) {
     names.push_back(result.physics_version.empty()
                         ? result.physics

@@ -56,7 +56,7 @@ TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
 
 TEST(ServiceCommandTest, AProcessThatFailsIsNamedWithItsLog) {
   const ScratchDirectory scratch;
-  WriteTinyConfig(scratch.path(), 1000);
+  WriteTinyConfig(scratch.path(), 100000000);
   const ProgramResult result =
       RunProgram({"service", "tiny.toml", "--set", "run.deterministic=false", "--evaluator",
                   "--set", "evaluator_service.courses=none-such"},
