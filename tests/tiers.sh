@@ -31,7 +31,7 @@ Parts:
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
-  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros --all
+  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros  by --part alone
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, wheels, packages and image compiled for Debian 13, a minute for each fuzzer        --soak
 HELP
@@ -277,7 +277,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release asan fuzz tsan tidy python ros dev deploy drills arm64)  # With --within the last ones are left out first.
+      chosen=(format release asan fuzz tsan tidy python dev deploy drills arm64)  # With --within the last ones are left out first.
     else
       chosen=(soak)
     fi
