@@ -51,6 +51,7 @@ bool PolicyLink::Poll() {
     if (unanswered_ > kMaxUnansweredAsks) {
       client_.Reconnect();
       unanswered_ = 0;
+      asked_at_ = now;  // It asks as soon as the new connection is there, and not before.
       return installed;
     }
     Ask();
