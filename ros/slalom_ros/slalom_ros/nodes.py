@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Callable
+import time
+from typing import Any, Callable, Sequence
 
 import slalom
 
 from .bridge import DriverBridge, Refused, Settings
-from .simulated_robot import score
+from .messages import seconds, velocity_of
+from .simulated_robot import Commands, reset_of, score
 
 # Of the driver.
 DRIVER_PARAMETERS: dict[str, Any] = {
@@ -35,12 +37,40 @@ def driver_bridge(parameters: dict[str, Any], settings: Settings) -> DriverBridg
     return bridge
 
 
+class RobotInputs:
+    """Gives the messages that a robot node receives to its commands. log_error: says what is wrong with one."""
+
+    def __init__(self, parameters: dict[str, Any], log_error: Callable[[str], Any]):
+        p = parameters
+        self.commands = Commands(p["lockstep"], p["client_timeout"], p["command_timeout"], time.monotonic)
+        self.course_names: Sequence[str] = ()  # Known once the evaluation is about to begin.
+        self._log_error = log_error
+
+    def on_command(self, message: Any) -> None:
+        """A Twist or a TwistStamped has come."""
+        stamp = seconds(message.header.stamp) if hasattr(message, "header") else None
+        self.commands.give(*velocity_of(message), stamp)
+
+    def on_current_goal(self, message: Any) -> None:
+        self.commands.on_current_goal(seconds(message.header.stamp), message.header.frame_id)
+
+    def on_reset(self, message: Any) -> None:
+        try:
+            self.commands.reset(reset_of(message.data, self.course_names))
+        except Refused as error:
+            self._log_error(str(error))
+
+    def status_text(self, status: dict[str, Any]) -> str:
+        """Returns a status and what it says of the commands, as `~/status` has it."""
+        return ", ".join(f"{key} {value}" for key, value in {**status, **self.commands.counts()}.items())
+
+
 def drive_episodes(make_robot: Callable[[], Any]) -> int:
     """Drives the episodes of a robot node and prints their scores, or what is wrong. Returns the exit code."""
     try:
         robot = make_robot()
         print(score(robot, on_ready=robot.ready, parameters=robot.parameters))
-        print(", ".join(f"{key} {value}" for key, value in robot.commands.counts().items()), flush=True)
+        print(robot.inputs.status_text({}), flush=True)
         return 0
     except KeyboardInterrupt:
         return 130

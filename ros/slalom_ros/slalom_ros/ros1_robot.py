@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
 
 import rospy
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
@@ -17,10 +16,10 @@ from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 from . import ros1
-from .bridge import Pose, Refused
-from .messages import fill_odometry, fill_pose, fill_scan, fill_transform, seconds, velocity_of
-from .nodes import drive_episodes
-from .simulated_robot import PARAMETERS, Commands, reset_of
+from .bridge import Pose
+from .messages import fill_odometry, fill_pose, fill_scan, fill_transform
+from .nodes import RobotInputs, drive_episodes
+from .simulated_robot import PARAMETERS
 
 
 class Robot:
@@ -28,7 +27,8 @@ class Robot:
 
     def __init__(self):
         self.parameters = p = ros1.declare(PARAMETERS)
-        self.commands = Commands(p["lockstep"], p["client_timeout"], p["command_timeout"], time.monotonic)
+        self.inputs = RobotInputs(p, rospy.logerr)
+        self._commands = self.inputs.commands
 
         def publisher(topic, kind, **more):
             return rospy.Publisher(topic, kind, queue_size=10, tcp_nodelay=True, **more)
@@ -37,33 +37,20 @@ class Robot:
         self._clock, self._goals = publisher("/clock", Clock), publisher("goal_pose", PoseStamped)
         self._collisions, self._statuses = publisher("collision", Bool), publisher("~status", String, latch=True)
         self._tf, self._tf_static = publisher("/tf", TFMessage), publisher("/tf_static", TFMessage, latch=True)
-        self._cmd_vel = rospy.Subscriber("cmd_vel", TwistStamped if p["stamped"] else Twist, self._on_command, tcp_nodelay=True)
-        self._current_goal = rospy.Subscriber("current_goal", PoseStamped, self._on_current_goal, tcp_nodelay=True)
-
-    def _on_command(self, message):
-        stamp = seconds(message.header.stamp) if isinstance(message, TwistStamped) else None
-        self.commands.give(*velocity_of(message), stamp)
-
-    def _on_current_goal(self, message):
-        self.commands.on_current_goal(seconds(message.header.stamp), message.header.frame_id)
-
-    def _on_reset(self, message):
-        try:
-            self.commands.reset(reset_of(message.data, self._robot.course_names))
-        except Refused as error:
-            rospy.logerr(str(error))
+        self._cmd_vel = rospy.Subscriber("cmd_vel", TwistStamped if p["stamped"] else Twist, self.inputs.on_command, tcp_nodelay=True)
+        self._current_goal = rospy.Subscriber("current_goal", PoseStamped, self.inputs.on_current_goal, tcp_nodelay=True)
 
     def ready(self, robot):
         """The evaluation is about to begin."""
-        self._robot = robot
-        rospy.Subscriber("reset", String, self._on_reset)
+        self._robot, self.inputs.course_names = robot, robot.course_names
+        rospy.Subscriber("reset", String, self.inputs.on_reset)
         lidar = Pose(robot.lidar["offset_x"], robot.lidar["offset_y"], 0.0)
         self._tf_static.publish(TFMessage([fill_transform(TransformStamped(), "base_link", "laser", lidar)]))
         def readers(publisher):
             return {connection.endpoint_id for connection in publisher.impl.connections}
 
         # The clock is read by this node, too, and must have reached those who read the scans before these do.
-        self.commands.wait_for("node that reads scan and odom and sends cmd_vel", lambda: (
+        self._commands.wait_for("node that reads scan and odom and sends cmd_vel", lambda: (
             self._cmd_vel.get_num_connections() and self._odometries.get_num_connections() and readers(self._scans)
             and readers(self._scans) <= readers(self._clock)))
         self._clock.publish(Clock(rospy.Time.from_sec(robot.first_stamp)))
@@ -73,17 +60,17 @@ class Robot:
         return message
 
     def _tell(self, status):
-        self._statuses.publish(", ".join(f"{key} {value}" for key, value in {**status, **self.commands.counts()}.items()))
+        self._statuses.publish(self.inputs.status_text(status))
 
     def begin(self, stamp, goal, status):
         self._tell(status)
         self._clock.publish(Clock(rospy.Time.from_sec(stamp)))
         self._goal = message = self._stamped(PoseStamped(), stamp, "odom")
         fill_pose(message.pose, *goal)
-        self.commands.begin(stamp, lambda: self._goals.publish(message), self._current_goal.get_num_connections() > 0)
+        self._commands.begin(stamp, lambda: self._goals.publish(message), self._current_goal.get_num_connections() > 0)
 
     def ask(self, sensed, step):
-        self.commands.expect(sensed.stamp)
+        self._commands.expect(sensed.stamp)
         odometry = self._stamped(fill_odometry(OdometryMessage(), sensed.odometry), sensed.stamp, "odom")
         transform = fill_transform(TransformStamped(), "odom", "base_link", sensed.odometry.pose)
         lidar = self._robot.lidar
@@ -98,7 +85,7 @@ class Robot:
             self._tf.publish(TFMessage([self._stamped(transform, sensed.stamp, "odom")]))
             self._scans.publish(scan)
 
-        command = self.commands.take(sensed.stamp, step, publish)
+        command = self._commands.take(sensed.stamp, step, publish)
         self._goal = None
         return command
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-import time
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
@@ -17,10 +16,10 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
 from . import ros2
-from .bridge import Pose, Refused
-from .messages import fill_odometry, fill_pose, fill_scan, fill_transform, seconds, velocity_of
-from .nodes import drive_episodes
-from .simulated_robot import PARAMETERS, Commands, reset_of
+from .bridge import Pose
+from .messages import fill_odometry, fill_pose, fill_scan, fill_transform
+from .nodes import RobotInputs, drive_episodes
+from .simulated_robot import PARAMETERS
 
 
 class Robot(Node):
@@ -30,7 +29,8 @@ class Robot(Node):
         super().__init__("slalom_robot")
         self.parameters = ros2.declare(self, PARAMETERS)
         p = self.parameters
-        self.commands = Commands(p["lockstep"], p["client_timeout"], p["command_timeout"], time.monotonic)
+        self.inputs = RobotInputs(p, self.get_logger().error)
+        self._commands = self.inputs.commands
         self._scans = self.create_publisher(LaserScan, "scan", ros2.SENSOR)
         self._odometries = self.create_publisher(OdometryMessage, "odom", ros2.RELIABLE)
         self._clock = self.create_publisher(Clock, "/clock", ros2.SENSOR)
@@ -41,31 +41,18 @@ class Robot(Node):
         if ros2.TFMessage:
             self._tf = self.create_publisher(ros2.TFMessage, "/tf", ros2.RELIABLE)
             self._tf_static = self.create_publisher(ros2.TFMessage, "/tf_static", ros2.LATCHED)
-        self.create_subscription(TwistStamped if p["stamped"] else Twist, "cmd_vel", self._on_command, ros2.RELIABLE)
-        self.create_subscription(PoseStamped, "current_goal", self._on_current_goal, ros2.LATCHED)
-
-    def _on_command(self, message):
-        stamp = seconds(message.header.stamp) if isinstance(message, TwistStamped) else None
-        self.commands.give(*velocity_of(message), stamp)
-
-    def _on_current_goal(self, message):
-        self.commands.on_current_goal(seconds(message.header.stamp), message.header.frame_id)
-
-    def _on_reset(self, message):
-        try:
-            self.commands.reset(reset_of(message.data, self._robot.course_names))
-        except Refused as error:
-            self.get_logger().error(str(error))
+        self.create_subscription(TwistStamped if p["stamped"] else Twist, "cmd_vel", self.inputs.on_command, ros2.RELIABLE)
+        self.create_subscription(PoseStamped, "current_goal", self.inputs.on_current_goal, ros2.LATCHED)
 
     def ready(self, robot):
         """The evaluation is about to begin."""
-        self._robot = robot
-        self.create_subscription(String, "reset", self._on_reset, ros2.RELIABLE)
+        self._robot, self.inputs.course_names = robot, robot.course_names
+        self.create_subscription(String, "reset", self.inputs.on_reset, ros2.RELIABLE)
         self._clock.publish(Clock(clock=ros2.stamp_of(robot.first_stamp)))
         if self._tf_static:
             lidar = Pose(robot.lidar["offset_x"], robot.lidar["offset_y"], 0.0)
             self._tf_static.publish(ros2.TFMessage(transforms=[fill_transform(TransformStamped(), "base_link", "laser", lidar)]))
-        self.commands.wait_for("node that reads scan and sends cmd_vel",
+        self._commands.wait_for("node that reads scan and sends cmd_vel",
                                 lambda: self._scans.get_subscription_count() and self.count_publishers("cmd_vel"))
 
     def _stamped(self, message, stamp, frame):
@@ -73,17 +60,17 @@ class Robot(Node):
         return message
 
     def _tell(self, status):
-        self._statuses.publish(String(data=", ".join(f"{key} {value}" for key, value in {**status, **self.commands.counts()}.items())))
+        self._statuses.publish(String(data=self.inputs.status_text(status)))
 
     def begin(self, stamp, goal, status):
         self._tell(status)
         self._clock.publish(Clock(clock=ros2.stamp_of(stamp)))
         self._goal = message = self._stamped(PoseStamped(), stamp, "odom")
         fill_pose(message.pose, *goal)
-        self.commands.begin(stamp, lambda: self._goals.publish(message), self.count_publishers("current_goal") > 0)
+        self._commands.begin(stamp, lambda: self._goals.publish(message), self.count_publishers("current_goal") > 0)
 
     def ask(self, sensed, step):
-        self.commands.expect(sensed.stamp)
+        self._commands.expect(sensed.stamp)
         odometry = self._stamped(fill_odometry(OdometryMessage(), sensed.odometry), sensed.stamp, "odom")
         lidar = self._robot.lidar
         scan = fill_scan(LaserScan(), sensed.ranges, lidar["field_of_view"], lidar["min_range"], self._robot.range_max)
@@ -99,7 +86,7 @@ class Robot(Node):
                 self._tf.publish(ros2.TFMessage(transforms=[self._stamped(transform, sensed.stamp, "odom")]))
             self._scans.publish(scan)
 
-        command = self.commands.take(sensed.stamp, step, publish)
+        command = self._commands.take(sensed.stamp, step, publish)
         self._goal = None
         return command
 
