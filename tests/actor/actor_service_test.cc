@@ -24,6 +24,7 @@
 #include "tests/support/fake_environment.h"
 #include "tests/support/log_lines.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/wait_until.h"
 
 /// The actor as a process would be, against a real replay server and a learner of a few lines.
 
@@ -36,12 +37,9 @@ using std::chrono::steady_clock;
 constexpr int kBeams = 8;
 constexpr std::uint64_t kSpecHash = 11;
 constexpr int kEnvironments = 4;
-constexpr std::string_view kUnreadable = "no policy of this version";
+using test::WaitUntil;
 
-/// Waits until `condition` holds; the test's time limit ends it otherwise.
-void WaitUntil(const std::function<bool()>& condition) {
-  while (!condition()) std::this_thread::yield();
-}
+constexpr std::string_view kUnreadable = "no policy of this version";
 
 /// When an environment fails: after so many steps, in the next one or as it begins an episode.
 struct Failure {

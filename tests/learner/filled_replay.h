@@ -15,6 +15,7 @@
 #include "replay/rows.h"
 #include "replay/service/server.h"
 #include "tests/support/fake_environment.h"
+#include "tests/support/wait_until.h"
 
 namespace slalom::learner {
 
@@ -24,10 +25,7 @@ inline constexpr std::uint64_t kSpecHash = 3;
 inline constexpr std::int64_t kSteps = 800;
 inline constexpr std::int64_t kUpdates = 400;  // What so many steps earn.
 
-/// Waits until `condition` holds; the test's time limit ends it otherwise.
-inline void WaitUntil(const std::function<bool()>& condition) {
-  while (!condition()) std::this_thread::yield();
-}
+using test::WaitUntil;
 
 /// A replay server that holds `kSteps` steps, the same ones each time.
 class FilledReplay {

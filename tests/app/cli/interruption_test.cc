@@ -16,6 +16,7 @@
 #include "tests/app/cli/program.h"
 #include "tests/metrics/http.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/wait_until.h"
 
 namespace slalom::test {
 namespace {
@@ -24,12 +25,6 @@ namespace fs = std::filesystem;
 
 std::vector<float> Weights(const fs::path& policy) {
   return *policy::LoadPolicy(policy).snapshot.weights;
-}
-
-/// Waits until `condition` holds; the test's time limit ends it otherwise.
-template <class Condition>
-void WaitUntil(Condition condition) {
-  while (!condition()) std::this_thread::yield();
 }
 
 bool HasCheckpoint(const fs::path& checkpoints) {
@@ -66,12 +61,6 @@ TEST(InterruptionTest, ADeterministicRunKilledAndResumedEndsBitIdentical) {
   EXPECT_THAT(result.err, testing::HasSubstr("resumed from"));
   EXPECT_EQ(Weights(run / "policy.safetensors"),
             Weights(scratch.path() / "runs/whole/policy.safetensors"));
-}
-
-/// Whether metrics.csv has rows below its names in which the run learns.
-bool HasLearned(const fs::path& run) {
-  const fs::path metrics = run / "metrics.csv";
-  return fs::exists(metrics) && std::ranges::count(base::ReadFile(metrics), '\n') > 3;
 }
 
 class SignalTest : public testing::TestWithParam<int> {};

@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "base/file.h"
@@ -75,6 +76,11 @@ int BackgroundProgram::Wait() {
   EXPECT_EQ(waitpid(pid_, &status, 0), pid_);
   pid_ = -1;
   return ExitCode(status);
+}
+
+bool HasLearned(const std::filesystem::path& run) {
+  const std::filesystem::path metrics = run / "metrics.csv";
+  return std::filesystem::exists(metrics) && std::ranges::count(base::ReadFile(metrics), '\n') > 3;
 }
 
 void WriteTinyConfig(const std::filesystem::path& directory, int max_steps,

@@ -40,6 +40,9 @@ class BackgroundProgram {
   pid_t pid_ = -1;
 };
 
+/// Whether metrics.csv of a run's directory has rows below its names in which the run learns.
+bool HasLearned(const std::filesystem::path& run);
+
 /// A config of a tiny deterministic run of `max_steps` steps, written to `directory`/tiny.toml.
 void WriteTinyConfig(const std::filesystem::path& directory, int max_steps,
                      const std::string& more = "");

@@ -1,15 +1,14 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "base/file.h"
 #include "tests/app/cli/program.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/wait_until.h"
 
 namespace slalom::test {
 namespace {
@@ -26,11 +25,8 @@ TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
   const fs::path state = scratch.path() / "state";
   {
     BackgroundProgram program(command, scratch.path());
-    const fs::path metrics = state / "learner/metrics.csv";
-    while (!fs::exists(metrics) || std::ranges::count(base::ReadFile(metrics), '\n') < 4) {
-      std::this_thread::yield();
-    }
-    const ProgramResult second = RunProgram(command, fs::path(scratch.path()));
+    WaitUntil([&] { return HasLearned(state / "learner"); });
+    const ProgramResult second = RunProgram(command, scratch.path());
     EXPECT_EQ(second.exit_code, 1);
     EXPECT_THAT(second.err, HasSubstr("state/service.lock: another `slalom service` works"));
     const ProgramResult status =
