@@ -29,6 +29,8 @@ int DescriptorLimit() {
   return static_cast<int>(std::min<rlim_t>(limit.rlim_cur, std::numeric_limits<int>::max()));
 }
 
+int NumProcessors() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+
 bool IsLocalHost(std::string_view host) {
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
   if (host == "localhost") return true;

@@ -17,6 +17,9 @@ void RaiseDescriptorLimit();
 /// Returns how many files and connections this process may have open at once.
 int DescriptorLimit();
 
+/// Returns how many processors this machine has, at least 1.
+int NumProcessors();
+
 /// Whether `host`, a name or an address ("[::1]" or "::1"), is this machine to itself: "localhost",
 /// 127.0.0.0/8 or ::1. Asks nobody.
 [[nodiscard]] bool IsLocalHost(std::string_view host);

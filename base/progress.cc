@@ -15,12 +15,6 @@ constexpr double kTerminalInterval = 0.2;       // [s]
 constexpr double kFirstPlainInterval = 10.0;    // [s]
 constexpr double kLongestPlainInterval = 60.0;  // [s]
 
-std::size_t TerminalColumns(std::FILE* out) {
-  winsize size{};
-  if (ioctl(fileno(out), TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return 80;
-  return size.ws_col;
-}
-
 /// Unlike fmt::print this does not throw if the other end is gone.
 void Write(std::FILE* out, const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), out);
@@ -28,6 +22,12 @@ void Write(std::FILE* out, const std::string& text) {
 }
 
 }  // namespace
+
+std::size_t TerminalColumns(std::FILE* out) {
+  winsize size{};
+  if (ioctl(fileno(out), TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return 80;
+  return size.ws_col;
+}
 
 std::string FormatCount(double count) {
   for (const auto& [unit, size] : {std::pair{"G", 1e9}, {"M", 1e6}, {"k", 1e3}}) {

@@ -15,6 +15,9 @@ std::string FormatBytes(double bytes);
 /// "2:05", "1:02:03": a duration in seconds for people.
 std::string FormatDuration(double seconds);
 
+/// The columns of the terminal to which `out` writes, at least 2; 80 if it does not tell.
+std::size_t TerminalColumns(std::FILE* out);
+
 /// Shows the progress of long work on standard error. On a terminal it rewrites one line in place,
 /// at most five times a second. Elsewhere (a file, nohup, a batch system) it writes plain lines:
 /// the first after ten seconds, later ones at intervals that grow to a minute, so that short work

@@ -12,7 +12,6 @@
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -30,6 +29,7 @@
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/machine.h"
 #include "eval/comparison/comparison.h"
 #include "eval/comparison/printers.h"
 #include "eval/evaluation_task.h"
@@ -285,9 +285,7 @@ std::string CompareInPhysics(const std::vector<train::Scores>& all, bool as_json
 
 int Evaluate(const EvaluateOptions& options) {
   StopSignals signals;
-  const int threads = options.threads > 0
-                          ? options.threads
-                          : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int threads = options.threads > 0 ? options.threads : base::NumProcessors();
   if (options.collection) RequireCollection(*options.collection);
   const std::vector<sim::Physics> physics = engines::FindPhysicsList(options.physics);
   if (options.output) RequireOutput(options, physics);

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -12,7 +11,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -31,7 +29,9 @@
 #include "base/file.h"
 #include "base/file_lock.h"
 #include "base/log.h"
+#include "base/machine.h"
 #include "base/parallel.h"
+#include "base/progress.h"
 #include "learner/run/run_directory.h"
 
 namespace slalom::cli {
@@ -48,14 +48,12 @@ constexpr seconds kRedraw{2};           // On a terminal.
 constexpr seconds kFirstTable{10};      // Elsewhere, and
 constexpr seconds kNextTable{60};
 
-struct LocalServiceOptions {
+struct Options {
   std::string config;
   std::vector<std::string> overrides;
   int actors = 1;
   bool evaluator = false;
 };
-
-int Processors() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 /// The table of a service's processes: on a terminal it is drawn again in its place, elsewhere it
 /// is printed once a minute.
@@ -66,9 +64,7 @@ class Table {
       fmt::print("{}", text);
       return;
     }
-    ::winsize window{};
-    const bool has_size = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 1;
-    const std::size_t width = has_size ? window.ws_col - 1 : 79;
+    const std::size_t width = base::TerminalColumns(stdout) - 1;
     if (num_lines_ > 0) fmt::print("\x1b[{}F\x1b[J", num_lines_);
     num_lines_ = 0;
     for (std::size_t begin = 0; begin < text.size();) {
@@ -111,7 +107,7 @@ int Attend(train::LocalService& service, const StopSignals& signals) {
   }
 }
 
-std::string StartCommand(const LocalServiceOptions& options) {
+std::string StartCommand(const Options& options) {
   std::vector<std::string> arguments = {"service", options.config, "--actors",
                                         std::to_string(options.actors)};
   if (options.evaluator) arguments.emplace_back("--evaluator");
@@ -121,7 +117,7 @@ std::string StartCommand(const LocalServiceOptions& options) {
   return CommandLine(arguments);
 }
 
-int Run(const LocalServiceOptions& options) {
+int Run(const Options& options) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
   const auto loaded = config::Load<train::RunConfig>(options.config, options.overrides);
@@ -163,7 +159,7 @@ int Run(const LocalServiceOptions& options) {
     fmt::print("policy: {}\n", directory.policy().string());
     return base::kExitOk;
   }
-  base::ParallelFor parallel(Processors());
+  base::ParallelFor parallel(base::NumProcessors());
   train::RunConfig with_copies = config;
   with_copies.courses.inputs = directory.inputs();
   if (ScoreTraining(directory, with_copies, "", parallel, signals.token())) return base::kExitOk;
@@ -178,8 +174,8 @@ void AddLocalServiceCommand(CLI::App& app, int* exit_code) {
   CLI::App* command = app.add_subcommand(
       "service",
       "Train by a service whose processes all run on this machine, then score the policy");
-  auto options = std::make_shared<LocalServiceOptions>();
-  options->actors = std::max(1, Processors() - 1);
+  auto options = std::make_shared<Options>();
+  options->actors = std::max(1, base::NumProcessors() - 1);
   command->add_option("CONFIG", options->config, "TOML file, such as configs/cluster.toml")
       ->required();
   command
@@ -191,12 +187,10 @@ void AddLocalServiceCommand(CLI::App& app, int* exit_code) {
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->footer(
-      "The processes meet at addresses of this machine, by keys of their own, whatever [service] "
-      "and\n"
-      "[security] say. All files lie below service.state. SIGINT, SIGTERM or SIGHUP saves and "
-      "ends\n"
-      "everything; the same command goes on. A process that dies is started again. Ends when the\n"
-      "training ends (run.max_steps, run.max_seconds).");
+      "The processes meet at addresses of this machine, by keys of their own, whatever [service]\n"
+      "and [security] say. All files lie below service.state. SIGINT, SIGTERM or SIGHUP saves and\n"
+      "ends everything; the same command goes on. A process that dies is started again. Ends when\n"
+      "the training ends (run.max_steps, run.max_seconds).");
   command->callback([options, exit_code] { *exit_code = Run(*options); });
 }
 

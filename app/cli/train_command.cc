@@ -7,7 +7,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "app/cli/command_line.h"
@@ -27,6 +26,7 @@
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/machine.h"
 #include "base/progress.h"
 #include "base/version.h"
 
@@ -191,7 +191,7 @@ int Score(const TrainOptions& options, const run::RunDirectory& directory,
           const StopSignals& signals) {
   int exit_code = base::kExitError;
   try {
-    base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+    base::ParallelFor parallel(base::NumProcessors());
     if (ScoreTraining(directory, config, train_longer, parallel, signals.token()))
       return base::kExitOk;
     exit_code = base::kExitSignalBase + signals.received();
