@@ -80,7 +80,7 @@ void AddActCommand(CLI::App& app) {
       ".\n\n"
       "A guard (--profile, --set; docs/safety.md) needs \"pose\": [m, m, rad], in any frame that\n"
       "stays where it is, and \"speeds\". It answers whether it changed the action: "
-      "\"guarded\":false.\n\n"
+      "\"guarded\":false. With guard.scan_matching=true it says where the robot is: \"pose\".\n\n"
       "A planner needs these two keys as well. --check is a guard alone: a line has\n"
       "\"command\": [m/s, rad/s], \"pose\" and \"speeds\" in place of a goal.\n");
   command->callback([options] { Act(*options); });

@@ -7,6 +7,7 @@
 
 #include "app/train/planner_fit.h"
 #include "base/config.h"
+#include "planners/localisation/scan_matching_agent.h"
 #include "planners/planner_registry.h"
 #include "sim/lidar.h"
 #include "sim/mass_distribution.h"
@@ -88,10 +89,14 @@ std::unique_ptr<env::Agent> Guarded(std::unique_ptr<env::Agent> agent,
                                     const planners::GuardConfig& guard,
                                     const sim::EnvironmentConfig& environment) {
   RequireRead(guard);
-  if (!guard.enabled()) return agent;
-  planners::GuardedRobot robot = GuardedRobotOf(environment);
-  robot.guide = GuidePlannerOf(environment, guard);
-  return std::make_unique<planners::GuardedAgent>(std::move(agent), guard, robot);
+  if (guard.guards()) {
+    planners::GuardedRobot robot = GuardedRobotOf(environment);
+    robot.guide = GuidePlannerOf(environment, guard);
+    agent = std::make_unique<planners::GuardedAgent>(std::move(agent), guard, robot);
+  }
+  if (!guard.scan_matching) return agent;
+  return std::make_unique<planners::ScanMatchingAgent>(std::move(agent),
+                                                       ScanGeometryOf(environment));
 }
 
 eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard) {

@@ -19,8 +19,9 @@ planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment)
 /// the longest delay. Not what nobody could tell it: gains, imbalance, errors of the odometry.
 planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment);
 
-/// The agent itself or, if the guard is enabled, the agent under it, for robots of `environment`.
-/// Throws `base::Error` that names the key if it is not enabled, but another of its keys is set.
+/// The agent itself or, if the guard is enabled, the agent under it, for robots of `environment`: a
+/// `planners::ScanMatchingAgent` if it matches scans, else a `planners::GuardedAgent`. Throws
+/// `base::Error` that names the key if it is not enabled, but another of its keys is set.
 std::unique_ptr<env::Agent> Guarded(std::unique_ptr<env::Agent> agent,
                                     const planners::GuardConfig& guard,
                                     const sim::EnvironmentConfig& environment);

@@ -23,6 +23,7 @@
 #include "base/json.h"
 #include "base/log.h"
 #include "env/state_layout.h"
+#include "planners/localisation/scan_matching_agent.h"
 #include "planners/planner_agent.h"
 #include "sim/environments.h"
 
@@ -99,8 +100,8 @@ void RequireGuard(const LineDriverOptions& options) {
   }
   if (unread.empty()) return;
   throw base::Error(fmt::format(
-      "{}: expected --set guard.shield=true or guard.waypoints=true as well, as only a guard reads "
-      "it",
+      "{}: expected --set guard.shield=true, guard.waypoints=true or guard.scan_matching=true as "
+      "well, as only a guard reads it",
       unread));
 }
 
@@ -195,6 +196,7 @@ LineDriver::LineDriver(const LineDriverOptions& options, const MakeLineAgent& ma
   } else {
     MakeCheck(options);
   }
+  matching_ = dynamic_cast<const planners::ScanMatchingAgent*>(agent_.get());
   observations_.Resize(1, observed_.num_beams, observed_.state_size);
   last_.resize(static_cast<std::size_t>(observed_.commands));
   if (command_ != nullptr) {
@@ -223,9 +225,10 @@ void LineDriver::LoadPolicy(const LineDriverOptions& options, const MakeLineAgen
   const auto trained = TrainedConfig(loaded.metadata, file);
   RunConfig config = trained.value_or(RunConfig{});
   LayOver(options, config, IsRobots, "[guard], or of [environment] for the robot that it guards");
-  is_guarded_ = reads_odometry_ = config.guard.enabled();
+  is_guarded_ = config.guard.guards();
+  reads_odometry_ = config.guard.enabled();
   has_map_ = config.guard.waypoints;
-  if (is_guarded_) {
+  if (reads_odometry_) {
     sim::CheckConsistent(config.environment);
     policy::RequireSameInterface(file, spec, sim::MakeObservationSpec(config.environment),
                                  config.environment.action);
@@ -250,7 +253,7 @@ void LineDriver::MakePlanner(const LineDriverOptions& options) {
         },
         fmt::format("[guard], [environment], [navigation] or [{}]", name));
   });
-  is_guarded_ = config.guard.enabled();
+  is_guarded_ = config.guard.guards();
   reads_odometry_ = has_map_ = true;
   environment_ = config.environment;
   sim::CheckConsistent(environment_);
@@ -307,6 +310,11 @@ std::string LineDriver::Answer(std::string_view line) {
                  {"angular", bounds_.angular_radps(action)},
                  {"action", {action.linear, action.angular}}};
   if (is_guarded_) answer["guarded"] = agent_->Intervened(0);
+  if (matching_ != nullptr) {
+    const base::Pose2& X_OR = matching_->shown().odometry[0].X_OR;
+    const base::Vec2 p_W = base::Transform(X_WO_, X_OR.p);
+    answer["pose"] = {p_W.x, p_W.y, base::WrapAngle(X_WO_.yaw + X_OR.yaw)};
+  }
   return answer.dump();
 }
 

@@ -13,6 +13,7 @@
 #include "env/action.h"
 #include "env/agent.h"
 #include "env/observation.h"
+#include "planners/localisation/scan_matching_agent.h"
 #include "policy/policy.h"
 #include "sim/environment_config.h"
 
@@ -69,6 +70,7 @@ class LineDriver {
   bool has_map_ = false;            // A planner or a guard that shows the way has one.
   env::Action* command_ = nullptr;  // Of others, which the agent only repeats.
   std::unique_ptr<env::Agent> agent_;
+  const planners::ScanMatchingAgent* matching_ = nullptr;  // The agent, if it matches scans.
   env::ObservationBatch observations_;
   base::Pose2 X_WO_;  // Where the episode began.
   std::vector<std::string_view> keys_ = {"ranges"};

@@ -99,7 +99,7 @@ Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
 
 eval::Provenance ProvenanceOf(const Scoring& scoring) {
   eval::Provenance provenance = scoring.provenance;
-  if (scoring.is_guarded) provenance.agent += ", guarded";
+  provenance.agent += scoring.guard;
   return provenance;
 }
 

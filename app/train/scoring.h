@@ -26,7 +26,7 @@ struct Scoring {
   eval::MakeAgent make_agent;
   eval::Provenance provenance;
   std::optional<eval::TrainingOverlap> training_overlap = std::nullopt;  ///< As in `Evaluation`.
-  bool is_guarded = false;
+  std::string guard{};                                                   ///< `GuardConfig::label`.
 };
 
 /// An evaluation and its provenance.
@@ -46,7 +46,7 @@ Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeA
   provenance.config = config::ToToml(config);
   return {eval::ResolveEvaluation(config.evaluation, config.environment, courses),
           Guarded(std::move(make_agent), config.guard), std::move(provenance), std::nullopt,
-          config.guard.enabled()};
+          config.guard.label()};
 }
 
 /// Prepares to drive a policy over the courses of `courses_spec` likewise. `make_agent`: makers of
@@ -70,7 +70,7 @@ void RequireSameFieldOfView(const std::string& policy_source, const sim::Environ
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                        const std::string& courses_spec, base::ParallelFor& parallel);
 
-/// The provenance of its scores, which says that an agent is guarded.
+/// The provenance of its scores, which says what guards an agent.
 eval::Provenance ProvenanceOf(const Scoring& scoring);
 
 /// Runs `eval::EvaluateOnCourses`, with its errors, and shows a line of progress on standard error:

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "base/config_field.h"
 
 namespace slalom::planners {
@@ -18,8 +20,15 @@ struct GuardConfig {
   double rescue_after = 3.0;
   double rescue_time = 3.0;
   double near = 1.0;
+  bool scan_matching = false;
 
-  bool enabled() const { return shield || waypoints; }
+  /// Whether it checks actions or shows the way.
+  bool guards() const { return shield || waypoints; }
+  bool enabled() const { return guards() || scan_matching; }
+  /// What reports say of it behind an agent's name.
+  std::string label() const {
+    return std::string(guards() ? ", guarded" : "") + (scan_matching ? ", scan matching" : "");
+  }
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -65,6 +74,9 @@ struct GuardConfig {
       "Once the robot has been at its goal, as it believes, it is left to itself within this "
       "distance of it.",
       with_waypoints);
+    v("scan_matching", scan_matching,
+      "Show the agent its pose and its goal as each scan, matched to a map of the earlier ones, "
+      "corrects them where the odometry drifts (docs/localisation.md).");
   }
 };
 

@@ -23,6 +23,7 @@ class Command(NamedTuple):
     angular: float  # Turn rate to the left, rad/s.
     action: tuple[float, float]  # The same in [-1, 1].
     guarded: bool  # Whether it is the guard's and not the agent's.
+    pose: Optional[tuple[float, float, float]] = None  # Where the robot is by guard.scan_matching, m, m, rad.
 
 
 def _numbers(values):
@@ -45,7 +46,9 @@ class _Lines(NotCopied):
         line |= {key: value if isinstance(value, (bool, int, float)) else _numbers(value)
                  for key, value in given.items() if value is not None}
         answer = json.loads(self._core.answer(json.dumps(line)))
-        return Command(answer["linear"], answer["angular"], tuple(answer["action"]), answer.get("guarded", False))
+        pose = answer.get("pose")
+        return Command(answer["linear"], answer["angular"], tuple(answer["action"]), answer.get("guarded", False),
+                       tuple(pose) if pose else None)
 
     @property
     def step(self) -> float:
