@@ -56,6 +56,13 @@ void RequireRunOf(const fs::path& directory, const train::RunConfig& config) {
       directory.string(), keys);
 }
 
+/// Tells those who start the others where this process listens, which port 0 leaves open.
+void WriteEndpoint(const train::ServiceProcess& process, const std::string& role,
+                   const std::string& endpoint) {
+  base::MakeDirectories(process.state());
+  base::WriteFileAtomically(process.state() / (role + ".endpoint"), endpoint + "\n");
+}
+
 int RunReplay(const train::ServiceOptions& options) {
   StopSignals signals;
   train::ServiceProcess process(transport::Role::kReplay, options);
@@ -80,6 +87,7 @@ int RunReplay(const train::ServiceOptions& options) {
   RequireRunOf(server_config.directory, config);
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());
   spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
+  WriteEndpoint(process, "replay", server.endpoint());
   server.Run(signals.token());
   return base::kExitOk;
 }
@@ -118,6 +126,7 @@ int RunLearner(const train::ServiceOptions& options) {
                                   train::MakePolicySpec(config), std::move(job), process.context(),
                                   process.registry());
   spdlog::info("policies at {}, run directory {}", learner.endpoint(), directory.root.string());
+  WriteEndpoint(process, "learner", learner.endpoint());
   switch (learner.Run(signals.token())) {
     case learner::TrainingEnd::kUnsaved:
       return base::kExitError;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A sweep through a real Slurm of one node, with a task that is requeued in the middle: the same bits as on this machine alone.
 
-    slurm_test.py PROGRAM
+    slurm_sweep_test.py PROGRAM
 
 Needs Debian's slurmctld, slurmd, slurm-client and munge, and root; else it is skipped.
 """
