@@ -243,12 +243,18 @@ void WriteNewKeys(const fs::path& directory) {
   base::SyncDirectory(directory);
 }
 
+bool IsPrivate(mode_t mode, uid_t owner, uid_t user) {
+  const mode_t others = mode & (S_IRWXG | S_IRWXO);
+  return others == 0 || (others == S_IRGRP && owner == 0 && user != 0);
+}
+
 KeyPair LoadKeyPair(const fs::path& directory, Role role) {
   const fs::path path = SecretFile(directory, role);
   KeyPair keys;
   keys.secret_key = ReadKey(path);
   struct stat status {};
-  if (::stat(path.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+  if (::stat(path.c_str(), &status) == 0 &&
+      !IsPrivate(status.st_mode, status.st_uid, ::geteuid())) {
     throw base::Error(
         "{}: is a secret key that other users can open (mode {:04o}); expected mode 0600: chmod "
         "600 {}",

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -53,6 +55,10 @@ using AllowList = std::map<std::string, Allowed>;
 /// one of the files exists already or cannot be written, throws `base::Error` and leaves no new
 /// file behind.
 void WriteNewKeys(const std::filesystem::path& directory);
+
+/// Whether a secret key with this mode and owner is `user`'s alone: nobody else can open it, or it
+/// is root's and a group reads it, as Kubernetes gives a pod its secrets (`fsGroup`, mode 0440).
+bool IsPrivate(mode_t mode, uid_t owner, uid_t user);
 
 /// These throw `base::Error`, which names the file, the line and what was expected, if a file is
 /// not valid or if others than its owner can read a secret key.

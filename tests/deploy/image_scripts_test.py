@@ -46,6 +46,15 @@ class Scripts(StandIns):
         self.assertIn(f"service.state={self.state}/2", ran.stdout)
         self.assertIn(f"--name {(self.state / '2/name').read_text().strip()}", ran.stdout)
 
+    def test_an_actor_whose_volume_is_its_own_needs_no_lock(self):
+        self.stand_in("flock", "exit 71")
+        for role in ("actor", "evaluator"):
+            ran = self.role(role, SLALOM_NAME=f"{role}-3")
+            self.assertEqual(ran.returncode, 0, ran.stderr)
+            self.assertIn(f"service.state={self.state} ", ran.stdout)
+            self.assertIn(f"--name {role}-3", ran.stdout)
+        self.assertNotIn("--name", self.role("replay", SLALOM_NAME="replay-0").stdout)
+
     def test_a_volume_without_locks_is_named(self):
         self.stand_in("flock", "exit 71")  # As util-linux where the system refuses.
         ran = self.role("actor")
@@ -57,6 +66,7 @@ class Scripts(StandIns):
     def test_a_learner_that_would_end_the_same_way_is_not_started_again(self):
         for code, expected in ((0, 0), (3, 0), (4, 0), (1, 1), (2, 2), (137, 137)):
             self.assertEqual(self.role("learner", STAND_IN_CODE=str(code)).returncode, expected, code)
+            self.assertEqual(self.role("learner", STAND_IN_CODE=str(code), SLALOM_EXIT_CODES="as-they-are").returncode, code)
         for code in (0, 1, 3):
             self.assertEqual(self.role("replay", STAND_IN_CODE=str(code)).returncode, code)
 

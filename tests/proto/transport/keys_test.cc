@@ -100,6 +100,19 @@ TEST_F(KeysTest, ASecretThatOthersCanReadIsRefused) {
   EXPECT_EQ(ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }), "");
 }
 
+TEST_F(KeysTest, OfSecretsThatAGroupReadsOnlyRootsArePrivate) {
+  constexpr uid_t kRoot = 0, kUser = 10001;
+  EXPECT_TRUE(IsPrivate(0600, kUser, kUser));
+  EXPECT_TRUE(IsPrivate(0400, kRoot, kUser));
+  EXPECT_TRUE(IsPrivate(0440, kRoot, kUser)) << "as Kubernetes has them";
+  EXPECT_TRUE(IsPrivate(0640, kRoot, kUser));
+  EXPECT_FALSE(IsPrivate(0440, kUser, kUser)) << "its own group may be everybody";
+  EXPECT_FALSE(IsPrivate(0440, kRoot, kRoot));
+  EXPECT_FALSE(IsPrivate(0460, kRoot, kUser));
+  EXPECT_FALSE(IsPrivate(0444, kRoot, kUser));
+  EXPECT_FALSE(IsPrivate(0404, kRoot, kUser));
+}
+
 TEST_F(KeysTest, WhatIsNoKeyIsRefusedAndNotPrinted) {
   const std::string secret = base::ReadFile(directory_ / "actor.key").substr(0, 40);
   for (const std::string& content :
