@@ -13,6 +13,7 @@
 #include "base/config.h"
 #include "base/file.h"
 #include "base/random.h"
+#include "planners/localisation/scan_matching_agent.h"
 #include "policy/network_agent.h"
 #include "sim/environments.h"
 #include "tests/app/cli/program.h"
@@ -56,6 +57,7 @@ struct Drive {
   std::string lines;                 // For `slalom act`, which is told of no action.
   std::vector<env::Action> actions;  // The agent's, from the simulator's own frames.
   std::vector<bool> guarded;
+  std::vector<base::Pose2> matched;  // By scan matching, in the map's frame.
 };
 
 /// Lets a policy drive two episodes of up to `num_steps` steps in `task`.
@@ -93,6 +95,10 @@ Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::Environment
       env::Action& action = drive.actions.emplace_back();
       agent->Act(environments.observations(), env::NumbersOf(std::span(&action, 1)));
       drive.guarded.push_back(agent->Intervened(0));
+      if (const auto* matching = dynamic_cast<planners::ScanMatchingAgent*>(agent.get())) {
+        const base::Pose2& X_OR = matching->shown().odometry[0].X_OR;
+        drive.matched.push_back({base::Transform(X_MO, X_OR.p), X_MO.yaw + X_OR.yaw});
+      }
       environments.Step(env::NumbersOf(std::span(&action, 1)), results);
     }
   }
@@ -255,6 +261,33 @@ TEST_F(PolicyToolsTest, ActIsGuardedAsEvaluationsAre) {
       EXPECT_NEAR(answer["action"][1].get<float>(), drive.actions[k].angular, 1e-5)
           << each.options << ", step " << k;
     }
+  }
+}
+
+TEST_F(PolicyToolsTest, ActMatchesScansAsEvaluationsDo) {
+  sim::EnvironmentConfig task;
+  task.lidar.num_beams = 90;
+  task.localisation = {.position_drift = 0.1, .heading_drift = 0.05};
+  const policy::PolicySnapshot policy = RandomPolicyOf(task);
+  train::RunConfig trained;
+  trained.environment = task;
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", policy,
+                     {{"config", config::ToToml(trained)}});
+  const Drive drive = DriveEpisodes(policy, task, {.scan_matching = true}, 40);
+  const ProgramResult result = Act(drive.lines, "--set guard.scan_matching=true");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream answers(result.out);
+  for (std::size_t k = 0; k < drive.actions.size(); ++k) {
+    std::string line;
+    ASSERT_TRUE(std::getline(answers, line));
+    const json answer = json::parse(line);
+    EXPECT_FALSE(answer.contains("guarded")) << k;
+    const base::Pose2& pose = drive.matched[k];
+    EXPECT_NEAR(answer["pose"][0].get<double>(), pose.p.x, 1e-4) << k;
+    EXPECT_NEAR(answer["pose"][1].get<double>(), pose.p.y, 1e-4) << k;
+    EXPECT_NEAR(base::WrapAngle(answer["pose"][2].get<double>() - pose.yaw), 0.0, 1e-4) << k;
+    EXPECT_NEAR(answer["action"][0].get<float>(), drive.actions[k].linear, 1e-4) << k;
+    EXPECT_NEAR(answer["action"][1].get<float>(), drive.actions[k].angular, 1e-4) << k;
   }
 }
 

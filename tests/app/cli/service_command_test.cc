@@ -43,6 +43,10 @@ TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
     EXPECT_THAT(base::ReadFile(state / "logs" / (std::string(name) + ".log")), HasSubstr("info"));
   }
 
+  for (const char* name : {"replay", "learner"}) {
+    EXPECT_THAT(base::ReadFile(state / (std::string(name) + ".endpoint")), HasSubstr("ipc://"));
+  }
+
   WriteTinyConfig(scratch.path(), 1);  // So that it is finished.
   const ProgramResult finished = RunProgram(command, scratch.path());
   EXPECT_EQ(finished.exit_code, 0) << finished.err;

@@ -56,6 +56,20 @@ class DriverTest(unittest.TestCase):
         self.assertEqual(guarded, sum(episode["interventions"] for episode in expected.episodes()))
         self.assertGreater(guarded, 0)
 
+    @unittest.skipUnless(POLICY, "SLALOM_POLICY names no policy")
+    def test_a_policy_that_matches_scans_drives_as_inside(self):
+        task = {"localisation": {"position_drift": 0.05, "heading_drift": 0.01}}
+        driver, moved = slalom.Driver(POLICY, guard={"scan_matching": True}), []
+
+        def answer(ranges, goal, pose, speeds, first):
+            command = driver.act(ranges, goal, pose=pose, speeds=speeds, first=first)
+            moved.append(np.hypot(*np.subtract(command.pose, pose)[:2]))
+            return command
+
+        self.same(score(one_by_one(answer), **task), score(slalom.Policy(POLICY), guard={"scan_matching": True}, **task))
+        self.assertGreater(max(moved), 0.01)
+        self.assertLess(max(moved), 1.0)
+
     def test_a_planner_drives_as_inside(self):
         rules = {"courses": "generated:1:2", "evaluation": {"time_limit": 15.0}}
         task = {"episode": {"step": 0.05}, "robot": {"control_rate": 100.0}, "observation": {"range_clip": 30.0},
