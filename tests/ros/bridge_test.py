@@ -35,7 +35,7 @@ class FakeDriver:
 
     def __init__(self, **needs):
         self.needs = {**NEEDS, **needs}
-        self.answer = SimpleNamespace(linear=1.0, angular=0.5, guarded=False)
+        self.answer = SimpleNamespace(linear=1.0, angular=0.5, guarded=False, pose=None)
         self.asked = []
 
     def act(self, ranges, goal, **others):
@@ -285,6 +285,35 @@ class DriverBridgeTest(unittest.TestCase):
         self.assertLess(1.5 - robot.x, 0.3)
         self.assertEqual(robot.drive(1.0), [])
 
+    def test_stops_where_scan_matching_says_that_the_goal_is(self):
+        """Odometry says half a metre too much. The driver is told of the goal as odometry has it."""
+        robot, bridge, driver = driving(goal=Goal(2.0, 0.0), speed=1.0)
+        start = robot.x
+        answer = driver.answer
+
+        def act(ranges, goal, **others):
+            driver.asked.append(goal)
+            np.testing.assert_allclose(goal, (2.0 - robot.x, 0.0), atol=0.05)
+            return SimpleNamespace(**{**vars(answer), "pose": (robot.x - 0.5, 0.0, 0.0)})
+
+        driver.act = act
+        robot.drive(2.0 - start)
+        self.assertIn("to go", bridge.status)
+        self.stops(robot.drive(0.5))
+        self.assertEqual(bridge.status, "has arrived")
+        self.assertGreater(robot.x, 2.15)
+        bridge.on_goal(Goal(robot.x + 0.35, 0.0), robot.now)  # What was matched to the last goal's map is forgotten.
+        driver.act = lambda *_, **__: SimpleNamespace(**{**vars(answer), "pose": None})
+        self.stops(robot.drive(0.4))
+        self.assertEqual(bridge.status, "has arrived")
+
+    def test_scan_matching_turns_the_frame(self):
+        robot, bridge, driver = driving(goal=Goal(2.0, 0.0))
+        x, y = robot.x - 1.0, 0.5
+        driver.answer.pose = (x, y, 0.25)
+        robot.drive(0.5)
+        np.testing.assert_allclose(bridge.goal_R, Pose(x, y, 0.25).inverse_of(2.0, 0.0), atol=1e-9)
+
     def test_stops_at_a_goal_that_it_drives_over_between_two_steps(self):
         """At 3 m/s it is 0.6 m from step to step, and never as near as 0.1 m in one."""
         robot, bridge, driver = driving(Settings(goal_tolerance=0.1), goal=Goal(3.95, 0.0), speed=3.0)
@@ -389,7 +418,7 @@ class DriverBridgeTest(unittest.TestCase):
         self.assertIsNone(driver.asked[0].last_action)
         robot, bridge, driver = driving(Settings(max_turn_rate=0.1))
         self.assertEqual(robot.sent[-1][1], Output(1.0, 0.1))
-        driver.answer = SimpleNamespace(linear=-1.0, angular=-0.05, guarded=True)
+        driver.answer = SimpleNamespace(linear=-1.0, angular=-0.05, guarded=True, pose=None)
         self.assertEqual(robot.drive(0.5)[-1], Output(-1.0, -0.05, True))
         self.assertIsNone(driver.asked[-1].last_action)
 

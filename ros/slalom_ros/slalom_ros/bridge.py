@@ -366,6 +366,7 @@ class DriverBridge(_Stepper):
         self._goal: Optional[Goal] = None
         self._ahead: Optional[tuple[float, float]] = None  # A goal relative to the start, until the start is known.
         self._limited: Optional[tuple[float, float]] = None  # What was done in place of the last action.
+        self._map: Optional[Pose] = None  # The odometry's frame in that of scan matching.
         self.goal_R: Optional[tuple[float, float]] = None
         self.status = "waits for a goal"
 
@@ -399,6 +400,7 @@ class DriverBridge(_Stepper):
 
     def _begin(self, goal):
         self._goal = goal
+        self._map = None
         self._first = True
         self._set_status(f"drives to ({goal.x:.2f}, {goal.y:.2f}) in {goal.frame or 'the odometry frame'}", False)
 
@@ -410,7 +412,7 @@ class DriverBridge(_Stepper):
         output = super().on_odometry(odometry, now)
         if output is None and self._goal is not None and not self._first:
             try:
-                return self._arrive(self._locate(odometry))
+                return self._arrive(self._locate(odometry, self._matched(odometry.pose)))
             except Refused:
                 return None  # The next scan stops the robot.
         return output
@@ -434,8 +436,12 @@ class DriverBridge(_Stepper):
             return stopped
         return super()._on_leap(far)
 
-    def _locate(self, odometry):
-        """Returns the goal as the robot sees it."""
+    def _matched(self, pose):
+        """Returns the pose as scan matching corrects it."""
+        return Pose(*self._map.of(pose.x, pose.y), self._map.yaw + pose.yaw) if self._map else pose
+
+    def _locate(self, odometry, pose):
+        """Returns the goal as a robot at this pose sees it."""
         goal = self._goal
         x, y = goal.x, goal.y
         if goal.frame not in ("", odometry.frame):
@@ -444,16 +450,21 @@ class DriverBridge(_Stepper):
                 raise Refused(f"the goal is in the frame '{goal.frame}', expected '{odometry.frame}', '{odometry.robot_frame}' "
                               f"or one that tf connects with them")
             x, y = frame.of(x, y)
-        return odometry.pose.inverse_of(x, y)
+        return pose.inverse_of(x, y)
 
     def _command(self, ranges, odometry, first):
-        goal = self._locate(odometry)
+        goal = self._locate(odometry, self._matched(odometry.pose))
         if self._arrive(goal):
             return STOP
         pose = {"pose": odometry.pose} if self._reads_odometry else {}
         speeds = {"speeds": (odometry.linear, odometry.angular)} if self._reads_speeds else {}
-        command = self._driver.act(ranges, goal, first=first, mounting=self._mounting,
+        command = self._driver.act(ranges, self._locate(odometry, odometry.pose), first=first, mounting=self._mounting,
                                    last_action=None if first else self._limited, **pose, **speeds)
+        if command.pose is not None:
+            x, y, yaw = command.pose
+            turned = Pose(0.0, 0.0, yaw - odometry.pose.yaw)
+            there = turned.of(odometry.pose.x, odometry.pose.y)
+            self._map = Pose(x - there[0], y - there[1], turned.yaw)
         linear, angular = self._within_limits(command.linear, command.angular)
         changed = (linear, angular) != (command.linear, command.angular)
         self._limited = action_of(linear, angular, self._bounds) if changed else None
