@@ -2,6 +2,9 @@
 
 import math
 import os
+import signal
+import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -9,6 +12,7 @@ import numpy as np
 import slalom
 from in_process import DirectPort, score_in_process
 from slalom_ros.bridge import Refused, Settings
+from slalom_ros.nodes import Ending
 from slalom_ros.simulated_robot import Commands, Reset, SimulatedRobot, reset_of, score
 
 POLICY = os.environ["SLALOM_POLICY"]
@@ -199,6 +203,38 @@ class CommandsTest(unittest.TestCase):
         self.assertEqual(commands.take(1.2, 0.001, lambda: None), (1.5, 0.2))
         self.assertEqual(commands.take(1.4, 0.001, lambda: None), (0.0, 0.0))
         self.assertEqual(commands.counts(), {"commands": 3, "late": 3})
+
+    def test_a_signal_may_come_in_every_line_of_a_wait(self):
+        for number in signal.SIGINT, signal.SIGTERM:
+            self.addCleanup(signal.signal, number, signal.getsignal(number))
+        for lockstep in True, False:
+            for line in range(1, 100):
+                ending = Ending()
+                commands = Commands(lockstep, 1.0, 0.5, self.clock, lambda: ending.is_told)
+                left = line
+
+                def trace(frame, event, argument):
+                    nonlocal left
+                    left -= 1
+                    if left == 0:
+                        signal.raise_signal(signal.SIGTERM)
+                        signal.raise_signal(signal.SIGINT)
+                    return trace
+
+                sys.settrace(trace)
+                try:
+                    with self.assertRaises(KeyboardInterrupt):
+                        for _ in range(100):
+                            commands.take(7.0, 0.001, lambda: commands.give(1.0, 0.0))
+                finally:
+                    sys.settrace(None)
+
+
+class LeaveTest(unittest.TestCase):
+    def test_a_process_ends_whatever_waits_without_end(self):
+        program = "import threading; from slalom_ros.nodes import leave; print('said'); leave(3, threading.Event().wait)"
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+        self.assertEqual((done.returncode, done.stdout), (3, "said\n"))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,7 @@
 """The nodes of ROS 1, as processes, with a master and real topics between them."""
 
+import faulthandler
 import os
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 import unittest
@@ -17,6 +15,7 @@ from bags import RecordingPort, driven_again
 from geometry_msgs.msg import PoseStamped, Twist
 from in_process import score_in_process
 from nav_msgs.msg import Odometry
+from node_process import NodeProcess, node_command
 from rosbag import Bag
 from rospy import Time
 from sensor_msgs.msg import LaserScan
@@ -25,6 +24,23 @@ from slalom_ros.simulated_robot import score
 from std_msgs.msg import String
 
 POLICY = os.environ["SLALOM_POLICY"]
+
+
+def setUpModule():
+    """Starts a master, whose nodes have a simulated clock."""
+    port = os.environ["ROS_MASTER_URI"].rpartition(":")[2]
+    master = NodeProcess(["rosmaster", "--core", "-p", port], unittest.addModuleCleanup)
+    for _ in range(300):
+        try:
+            rosgraph.Master("/test").setParam("/use_sim_time", True)
+            break
+        except ConnectionRefusedError:
+            time.sleep(0.1)
+        if not master.is_alive:
+            break
+    else:
+        raise AssertionError("no master")
+    unittest.addModuleCleanup(rospy.signal_shutdown, "the end")
 
 
 class Ros1Test(unittest.TestCase):
@@ -37,12 +53,7 @@ class Ros1Test(unittest.TestCase):
 
     def start(self, node, remapped={}, **parameters):
         arguments = [f"_{name}:={value}" for name, value in parameters.items()] + [f"{name}:={topic}" for name, topic in remapped.items()]
-        process = subprocess.Popen([sys.executable, "-m", f"slalom_ros.ros1_{node}", *arguments], stdout=subprocess.PIPE,
-                                   stderr=subprocess.DEVNULL, text=True)
-        self.addCleanup(process.stdout.close)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.send_signal, signal.SIGINT)
-        return process
+        return NodeProcess(node_command(f"ros1_{node}", arguments), self.addCleanup)
 
     def score(self, parameters, evaluations=1, **driver):
         """The robot drives the same episodes through topics, to the last bit, as without them, in the last of some evaluations
@@ -51,11 +62,9 @@ class Ros1Test(unittest.TestCase):
             through, direct = os.path.join(folder, "through"), os.path.join(folder, "direct")
             driving = self.start("driver", agent=POLICY, stamped=parameters.get("stamped", False), **driver)
             for _ in range(evaluations):
-                robot = self.start("robot", output=through, force=True, **parameters)
-                said, _ = robot.communicate(timeout=400)
-                self.assertEqual(robot.returncode, 0, said)
-            driving.send_signal(signal.SIGINT)
-            self.assertEqual(driving.wait(30), 0)
+                code, said = self.start("robot", output=through, force=True, **parameters).finish(120)
+                self.assertEqual(code, 0, said)
+            self.assertEqual(driving.interrupt(), 0)
             score_in_process(POLICY, {**parameters, "output": direct}, **driver)
             for name in "episodes.csv", "tracks.jsonl":
                 found, expected = (Path(path, f"evaluation-{name}").read_text(encoding="utf8") for path in (through, direct))
@@ -97,17 +106,13 @@ class Ros1Test(unittest.TestCase):
                 resets.publish(reset)
                 time.sleep(0.1)
             self.assertIn(expected, statuses[-1])
-        robot.send_signal(signal.SIGINT)
-        self.assertEqual(robot.wait(30), 130)
+        self.assertEqual(robot.interrupt(), 130)
 
     def launch(self, file, **arguments):
         ros = os.path.join(os.path.dirname(__file__), "../../ros")
         environment = {**os.environ, "ROS_PACKAGE_PATH": ros, "PATH": f"/usr/bin:{os.environ['PATH']}"}  # Debian's Python.
-        process = subprocess.Popen(["roslaunch", "slalom_ros", file, *(f"{name}:={value}" for name, value in arguments.items())],
-                                   env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.addCleanup(process.wait)
-        self.addCleanup(process.send_signal, signal.SIGINT)
-        return process
+        command = ["roslaunch", "slalom_ros", file, *(f"{name}:={value}" for name, value in arguments.items())]
+        return NodeProcess(command, self.addCleanup, environment)
 
     def test_launch_files_drive(self):
         """The Challenge's is told a goal relative to the start, and not the robot's: it is about 10 m ahead."""
@@ -116,16 +121,14 @@ class Ros1Test(unittest.TestCase):
                                         ("barn.launch", {"goal_x": 10, "goal_y": 0}, challenge)):
             with self.subTest(file=file):
                 driving = self.launch(file, agent=POLICY, **arguments)
-                robot = self.start("robot", remapped=topics, courses="generated:1:1")
-                said, _ = robot.communicate(timeout=300)
+                _, said = self.start("robot", remapped=topics, courses="generated:1:1").finish(120)
                 self.assertRegex(said, "success +100.0 %")
-                driving.send_signal(signal.SIGINT)
-                driving.wait(60)
+                driving.interrupt()
 
     def test_a_launch_file_scores(self):
         with tempfile.TemporaryDirectory() as output:
             self.start("driver", agent=POLICY)
-            self.launch("score.launch", courses="generated:1:1", output=output).wait(300)
+            self.launch("score.launch", courses="generated:1:1", output=output).finish(120)
             self.assertEqual(len(Path(output, "evaluation-episodes.csv").read_text(encoding="utf8").splitlines()), 2)
 
     def test_says_what_is_wrong(self):
@@ -134,11 +137,11 @@ class Ros1Test(unittest.TestCase):
                 ("guard", {"profile": "nowhere.toml"}, "nowhere.toml"),
                 ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
             with self.subTest(node=node):
-                process = self.start(node, **parameters)
-                said, _ = process.communicate(timeout=60)
-                self.assertEqual(process.returncode, 1)
+                code, said = self.start(node, **parameters).finish(60)
+                self.assertEqual(code, 1)
                 self.assertIn(expected, said)
 
 
 if __name__ == "__main__":
+    faulthandler.dump_traceback_later(480, exit=True)
     unittest.main(verbosity=1)

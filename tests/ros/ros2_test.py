@@ -1,10 +1,9 @@
 """The nodes of ROS 2, as processes, with real topics between them. The clock is simulated: a test moves it."""
 
+import faulthandler
 import math
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import unittest
 from pathlib import Path
@@ -18,6 +17,7 @@ from in_process import score_in_process
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Odometry
+from node_process import NodeProcess, node_command
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
@@ -43,13 +43,6 @@ def text_of(value):
     if isinstance(value, bool):
         return str(value).lower()
     return str(value)
-
-
-def node_command(node, parameters):
-    command = [sys.executable, "-m", f"slalom_ros.ros2_{node}", "--ros-args"]
-    for name, value in parameters.items():
-        command += ["-p", f"{name}:={text_of(value)}"]
-    return command
 
 
 class Peer:
@@ -139,19 +132,8 @@ class Ros2Test(unittest.TestCase):
         rclpy.shutdown()
 
     def start(self, node, **parameters):
-        process = subprocess.Popen(node_command(node, parameters), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.addCleanup(self.end, process)
-        return process
-
-    @staticmethod
-    def end(process):
-        """Who is killed stays in the graph for a while, so that the next test would talk to a ghost."""
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={text_of(value)}")]
+        return NodeProcess(node_command(f"ros2_{node}", ["--ros-args", *arguments]), self.addCleanup)
 
     def start_driver(self, peer, **parameters):
         driver = self.start("driver", **{"agent": POLICY, "use_sim_time": True, **parameters})
@@ -165,11 +147,10 @@ class Ros2Test(unittest.TestCase):
         driving = self.start("driver", **{"agent": POLICY, "use_sim_time": True, "stamped": parameters.get("stamped", False), **driver})
         for _ in range(evaluations):
             with tempfile.TemporaryDirectory() as output:
-                done = subprocess.run(node_command("robot", {**parameters, "output": output}), capture_output=True, text=True, timeout=400)
-                self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+                code, said = self.start("robot", **parameters, output=output).finish(120)
+                self.assertEqual(code, 0, said)
                 files = [Path(output, f"evaluation-{name}").read_text(encoding="utf8") for name in FILES]
-        driving.send_signal(signal.SIGINT)
-        self.assertEqual(driving.wait(30), 0)
+        self.assertEqual(driving.interrupt(), 0)
         return files
 
     def same_as_in_process(self, files, agent, parameters, settings=Settings(), **driver):
@@ -209,8 +190,7 @@ class Ros2Test(unittest.TestCase):
                 resets.publish(String(data=reset))
                 executor.spin_once(timeout_sec=0.1)
             self.assertIn(expected, statuses[-1])
-        robot.send_signal(signal.SIGINT)
-        self.assertEqual(robot.wait(30), 130)
+        self.assertEqual(robot.interrupt(), 130)
 
     def test_a_bag_gives_the_commands_again(self):
         types = SimpleNamespace(LaserScan=LaserScan, Odometry=Odometry, PoseStamped=PoseStamped, Twist=Twist, stamp_of=ros2.stamp_of)
@@ -269,7 +249,6 @@ class Ros2Test(unittest.TestCase):
         peer.send_goal()
         peer.drives()
         driver.kill()
-        driver.wait()
         driver = self.start_driver(peer)
         count = len(peer.commands)
         peer.step()
@@ -277,9 +256,9 @@ class Ros2Test(unittest.TestCase):
         self.assertEqual(len(peer.commands), count, "it has no goal")
         peer.send_goal()
         peer.drives()
-        driver.send_signal(signal.SIGINT)
+        driver.tell(signal.SIGINT)
         peer.until(lambda: peer.commands[-1] == (0.0, 0.0), "a stop")
-        self.assertEqual(driver.wait(30), 0)
+        self.assertEqual(driver.finish(60)[0], 0)
 
     def test_is_a_lifecycle_node(self):
         peer = Peer(self)
@@ -326,8 +305,8 @@ class Ros2Test(unittest.TestCase):
         raw(lambda speed: abs(speed - 1.5) < 1e-6, np.full(720, 4.0))
         raw(lambda speed: speed < 0.75, np.full(720, 0.35))
         peer.stops(by=0.2)  # The other stack is silent now.
-        guard.send_signal(signal.SIGTERM)
-        self.assertEqual(guard.wait(30), 0)
+        guard.tell(signal.SIGTERM)
+        self.assertEqual(guard.finish(60)[0], 0)
 
     def test_says_what_is_wrong(self):
         for node, parameters, expected in (
@@ -335,10 +314,11 @@ class Ros2Test(unittest.TestCase):
                 ("guard", {"profile": "[nowhere.toml]"}, "nowhere.toml"),
                 ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
             with self.subTest(node=node, expected=expected):
-                done = subprocess.run(node_command(node, parameters), capture_output=True, text=True, timeout=60)
-                self.assertEqual(done.returncode, 1)
-                self.assertIn(expected, done.stdout)
+                code, said = self.start(node, **parameters).finish(60)
+                self.assertEqual(code, 1)
+                self.assertIn(expected, said)
 
 
 if __name__ == "__main__":
+    faulthandler.dump_traceback_later(480, exit=True)
     unittest.main(verbosity=1)

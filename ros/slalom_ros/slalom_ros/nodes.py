@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import sys
+import threading
 import time
-from typing import Any, Callable, Sequence
+import traceback
+from typing import Any, Callable, NoReturn, Sequence
 
 import slalom
 
@@ -37,12 +42,36 @@ def driver_bridge(parameters: dict[str, Any], settings: Settings) -> DriverBridg
     return bridge
 
 
+class Ending:
+    """Whether SIGINT or SIGTERM has come since this was made. Their handler takes no lock, such as an Event's: the thread that it
+    interrupts may hold it, and would wait for itself without end."""
+
+    def __init__(self):
+        self.is_told = False
+        for number in signal.SIGINT, signal.SIGTERM:
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number, frame):
+        self.is_told = True
+
+
+def leave(code: int, shut_down: Callable[[], Any]) -> NoReturn:
+    """Ends the process after `shut_down`, which gets five seconds: ROS may wait for its threads or a master without end."""
+    thread = threading.Thread(target=shut_down, daemon=True)
+    thread.start()
+    thread.join(5.0)
+    try:
+        sys.stdout.flush()
+    finally:
+        os._exit(code)
+
+
 class RobotInputs:
     """Gives the messages that a robot node receives to its commands. log_error: says what is wrong with one."""
 
     def __init__(self, parameters: dict[str, Any], log_error: Callable[[str], Any]):
-        p = parameters
-        self.commands = Commands(p["lockstep"], p["client_timeout"], p["command_timeout"], time.monotonic)
+        p, ending = parameters, Ending()
+        self.commands = Commands(p["lockstep"], p["client_timeout"], p["command_timeout"], time.monotonic, lambda: ending.is_told)
         self.course_names: Sequence[str] = ()  # Known once the evaluation is about to begin.
         self._log_error = log_error
 
@@ -66,7 +95,8 @@ class RobotInputs:
 
 
 def drive_episodes(make_robot: Callable[[], Any]) -> int:
-    """Drives the episodes of a robot node and prints their scores, or what is wrong. Returns the exit code."""
+    """Drives the episodes of a robot node and prints their scores, or what is wrong. Returns the exit code, whatever happens:
+    ROS's threads would keep the process."""
     try:
         robot = make_robot()
         print(score(robot, on_ready=robot.ready, parameters=robot.parameters))
@@ -76,4 +106,7 @@ def drive_episodes(make_robot: Callable[[], Any]) -> int:
         return 130
     except (slalom.Error, ValueError, TimeoutError) as error:
         print(f"slalom_ros: {error}", flush=True)
+        return 1
+    except Exception:
+        traceback.print_exc()
         return 1

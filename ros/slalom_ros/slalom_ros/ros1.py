@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import signal
 import threading
-from typing import Any, Callable, Optional
+import time
+import traceback
+from typing import Any, Callable, NoReturn, Optional
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -17,6 +18,7 @@ from sensor_msgs.msg import LaserScan
 
 from .bridge import STOP, Output, Refused, Settings
 from .messages import fill_velocity, odometry_of, scan_of
+from .nodes import Ending, leave
 
 
 def declare(defaults: dict[str, Any]) -> dict[str, Any]:
@@ -50,7 +52,7 @@ def wait_for_clock(stamp: float) -> float:
     for _ in range(100):
         if abs(now() - stamp) < 1.0:
             break
-        threading.Event().wait(0.01)
+        time.sleep(0.01)
     return stamp
 
 
@@ -108,23 +110,24 @@ class Inputs:
                 self._diagnostics.publish(message)
 
 
-def run(name: str, make_inputs: Callable[[], Inputs]) -> int:
-    """Runs a node until SIGINT, SIGTERM or the master's end; stops the robot then. Returns the exit code."""
+def run(name: str, make_inputs: Callable[[], Inputs]) -> NoReturn:
+    """Runs a node until SIGINT, SIGTERM or the master's word; stops the robot then, and ends the process."""
     rospy.init_node(name, disable_signals=True)
-    ended = threading.Event()
-    for number in signal.SIGINT, signal.SIGTERM:
-        signal.signal(number, lambda *_: ended.set())
+    ending = Ending()
     try:
         inputs = make_inputs()
     except ValueError as error:  # Bad input, of this package or of slalom.
         print(f"slalom_ros: {error}", flush=True)
-        rospy.signal_shutdown("bad input")
-        return 1
-    while not ended.wait(0.05) and not rospy.is_shutdown():
-        inputs.tick()
+        leave(1, lambda: rospy.signal_shutdown("bad input"))
+    code = 0
+    try:
+        while not ending.is_told and not rospy.is_shutdown():
+            inputs.tick()
+            time.sleep(0.05)
+    except Exception:
+        traceback.print_exc()
+        code = 1
     with inputs.lock:
         inputs.send(STOP)
-    ended.clear()
-    ended.wait(0.2)  # rospy does not tell when a message has arrived.
-    rospy.signal_shutdown("the end")
-    return 0
+    time.sleep(0.2)  # rospy does not tell when a message has arrived.
+    leave(code, lambda: rospy.signal_shutdown("the end"))

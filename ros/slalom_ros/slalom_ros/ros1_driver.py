@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import rospy
 from geometry_msgs.msg import PoseStamped
 from tf2_msgs.msg import TFMessage
@@ -46,7 +44,7 @@ def make() -> ros1.Inputs:
 
 
 def main():
-    sys.exit(ros1.run("slalom_driver", make))
+    ros1.run("slalom_driver", make)
 
 
 if __name__ == "__main__":

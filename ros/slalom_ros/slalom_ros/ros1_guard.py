@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped
 
@@ -28,7 +26,7 @@ def make() -> ros1.Inputs:
 
 
 def main():
-    sys.exit(ros1.run("slalom_guard", make))
+    ros1.run("slalom_guard", make)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,6 @@ The nodes around it need the parameter /use_sim_time, which it sets."""
 
 from __future__ import annotations
 
-import signal
-import sys
-
 import rospy
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
@@ -18,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from . import ros1
 from .bridge import Pose
 from .messages import fill_odometry, fill_pose, fill_scan, fill_transform
-from .nodes import RobotInputs, drive_episodes
+from .nodes import RobotInputs, drive_episodes, leave
 from .simulated_robot import PARAMETERS
 
 
@@ -97,10 +94,7 @@ class Robot:
 def main():
     rospy.set_param("/use_sim_time", True)
     rospy.init_node("slalom_robot", disable_signals=True)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    code = drive_episodes(Robot)
-    rospy.signal_shutdown("the end")
-    sys.exit(code)
+    leave(drive_episodes(Robot), lambda: rospy.signal_shutdown("the end"))
 
 
 if __name__ == "__main__":

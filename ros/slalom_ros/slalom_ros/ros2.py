@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import signal
-import threading
-from typing import Any, Callable, Optional
+import traceback
+from typing import Any, Callable, NoReturn, Optional
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -20,6 +19,7 @@ from sensor_msgs.msg import LaserScan
 
 from .bridge import STOP, Output, Refused, Settings
 from .messages import fill_velocity, odometry_of, scan_of
+from .nodes import Ending, leave
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -141,27 +141,30 @@ class Inputs:
         self._diagnostics.publish(message)
 
 
-def run(make_node: Callable[[], Any]) -> int:
-    """Runs a node until SIGINT, SIGTERM or its own end; calls its `stop` then. Returns the exit code."""
+def run(make_node: Callable[[], Any]) -> NoReturn:
+    """Runs a node until SIGINT, SIGTERM or its own end; calls its `stop` then, and ends the process."""
     rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    ended = threading.Event()
-    for number in signal.SIGINT, signal.SIGTERM:
-        signal.signal(number, lambda *_: ended.set())
+    ending = Ending()
     try:
         node = make_node()
     except ValueError as error:  # Bad input, of this package or of slalom.
         print(f"slalom_ros: {error}", flush=True)
-        rclpy.shutdown()
-        return 1
+        leave(1, rclpy.shutdown)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+
+    def shut_down():
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+    code = 0
     try:
-        while not ended.is_set() and rclpy.ok():
+        while not ending.is_told and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
     except ExternalShutdownException:
         pass
-    finally:
-        node.stop()
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    node.stop()
+    leave(code, shut_down)

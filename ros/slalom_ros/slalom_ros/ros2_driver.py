@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 
 from geometry_msgs.msg import Point, PoseStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -108,7 +107,7 @@ class Driver(LifecycleNode):
 
 
 def main():
-    sys.exit(ros2.run(Driver))
+    ros2.run(Driver)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
 
@@ -31,7 +29,7 @@ class Guard(Node):
 
 
 def main():
-    sys.exit(ros2.run(Guard))
+    ros2.run(Guard)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import sys
 import threading
 
 import rclpy
@@ -18,7 +16,7 @@ from std_msgs.msg import Bool, String
 from . import ros2
 from .bridge import Pose
 from .messages import fill_odometry, fill_pose, fill_scan, fill_transform
-from .nodes import RobotInputs, drive_episodes
+from .nodes import RobotInputs, drive_episodes, leave
 from .simulated_robot import PARAMETERS
 
 
@@ -97,18 +95,19 @@ class Robot(Node):
 
 def main():
     rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = Robot()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    thread = threading.Thread(target=executor.spin)
+    thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
-    code = drive_episodes(lambda: node)
-    executor.shutdown()
-    thread.join()
-    node.destroy_node()
-    rclpy.try_shutdown()
-    sys.exit(code)
+
+    def shut_down():
+        executor.shutdown()
+        thread.join()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+    leave(drive_episodes(lambda: node), shut_down)
 
 
 if __name__ == "__main__":

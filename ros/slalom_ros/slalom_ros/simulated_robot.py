@@ -137,11 +137,13 @@ PARAMETERS: dict[str, Any] = {
 
 
 class Commands:
-    """The commands that come from another thread. `clock`: seconds of a steady clock."""
+    """The commands that come from another thread. clock: seconds of a steady clock. has_to_end: whether the robot was told to
+    end; whoever waits for a command, or will, raises KeyboardInterrupt then."""
 
-    def __init__(self, lockstep: bool, client_timeout: float, command_timeout: float, clock: Callable[[], float]):
+    def __init__(self, lockstep: bool, client_timeout: float, command_timeout: float, clock: Callable[[], float],
+                 has_to_end: Callable[[], bool] = lambda: False):
         self._lockstep, self._client_timeout, self._command_timeout = lockstep, client_timeout, command_timeout
-        self._clock = clock
+        self._clock, self._has_to_end = clock, has_to_end
         self._changed = threading.Condition()
         self._newest: Optional[tuple[float, float]] = None
         self._stamp = self._accepted = -math.inf
@@ -176,6 +178,8 @@ class Commands:
             self._changed.notify_all()
 
     def _leave_if_told(self):
+        if self._has_to_end():
+            raise KeyboardInterrupt
         if self._reset:
             told, self._reset = self._reset, None
             raise told
@@ -229,6 +233,7 @@ class Commands:
                 self._changed.wait(self._due - now)
                 self._leave_if_told()
                 now = self._clock()
+            self._leave_if_told()  # One that is always late does not wait.
             self.num_commands += 1
             self.num_late += now - self._came_at > step
             return self._newest if self._newest and now - self._came_at < self._command_timeout else (0.0, 0.0)
