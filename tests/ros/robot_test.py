@@ -12,7 +12,7 @@ import numpy as np
 import slalom
 from in_process import DirectPort, score_in_process
 from slalom_ros.bridge import Refused, Settings
-from slalom_ros.nodes import Ending
+from slalom_ros.nodes import Ending, parameter_of
 from slalom_ros.simulated_robot import Commands, Reset, SimulatedRobot, reset_of, score
 
 POLICY = os.environ["SLALOM_POLICY"]
@@ -228,6 +228,20 @@ class CommandsTest(unittest.TestCase):
                             commands.take(7.0, 0.001, lambda: commands.give(1.0, 0.0))
                 finally:
                     sys.settrace(None)
+
+
+class ParameterTest(unittest.TestCase):
+    def test_has_the_kind_of_its_default(self):
+        for value, default, expected in ((1, 0.5, 1.0), ("inf", 0.5, math.inf), ("0.25", 0.5, 0.25), (2.0, 1, 2), (7, "ROS", "7"), (True, False, True),
+                                         ("a.toml b.toml", [], ["a.toml", "b.toml"]), (["a.toml", ""], [], ["a.toml"]), ("", [], [])):
+            found = parameter_of("it", value, default)
+            self.assertEqual((found, type(found)), (expected, type(expected)))
+        self.assertTrue(math.isnan(parameter_of("it", math.nan, 0.5)))
+        for value, default, expected in (("fast", 0.5, "it is 'fast', expected a number"), (True, 0.5, "it is True, expected a number"),
+                                         (1.5, 1, "it is 1.5, expected an integer"), (math.inf, 1, "expected an integer"),
+                                         ("yes", False, "it is 'yes', expected true or false"), ([], 0.5, "expected a number")):
+            with self.assertRaisesRegex(Refused, expected):
+                parameter_of("it", value, default)
 
 
 class LeaveTest(unittest.TestCase):

@@ -134,7 +134,8 @@ class Ros1Test(unittest.TestCase):
     def test_says_what_is_wrong(self):
         for node, parameters, expected in (
                 ("driver", {}, "agent is '', expected a policy's file, or one of dwa"),
-                ("guard", {"profile": "nowhere.toml"}, "nowhere.toml"),
+                ("guard", {"profile": "nowhere.toml", "max_age": 1}, "nowhere.toml"),
+                ("robot", {"lockstep": "maybe"}, "lockstep is 'maybe', expected true or false"),
                 ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
             with self.subTest(node=node):
                 code, said = self.start(node, **parameters).finish(60)

@@ -285,7 +285,7 @@ class Ros2Test(unittest.TestCase):
 
     def test_a_goal_from_the_start(self):
         peer = Peer(self)
-        self.start_driver(peer, goal_x=5.0, goal_y=0.0)
+        self.start_driver(peer, goal_x=5, goal_y=0)
         peer.drives()
 
     def test_the_guard_slows_another_stack(self):
@@ -311,7 +311,9 @@ class Ros2Test(unittest.TestCase):
     def test_says_what_is_wrong(self):
         for node, parameters, expected in (
                 ("driver", {}, "agent is '', expected a policy's file, or one of dwa"),
-                ("guard", {"profile": "[nowhere.toml]"}, "nowhere.toml"),
+                ("driver", {"agent": POLICY, "max_speed": "fast"}, "max_speed is 'fast', expected a number"),
+                ("guard", {"profile": "nowhere.toml"}, "nowhere.toml"),
+                ("robot", {"lockstep": "maybe"}, "lockstep is 'maybe', expected true or false"),
                 ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
             with self.subTest(node=node, expected=expected):
                 code, said = self.start(node, **parameters).finish(60)

@@ -29,6 +29,26 @@ DRIVER_PARAMETERS: dict[str, Any] = {
 }
 
 
+def parameter_of(name: str, value: Any, default: Any) -> Any:
+    """Returns the value of a parameter as one of its default's kind: 1 is a number with a fraction, too, and a text is a list of its
+    words. Raises `Refused`."""
+    if isinstance(default, list):
+        return value.split() if isinstance(value, str) else [str(item) for item in value if item != ""]
+    if isinstance(default, str):
+        return str(value)
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise Refused(f"{name} is {value!r}, expected true or false")
+        return value
+    try:
+        number = type(default)(value)
+        if not isinstance(value, bool) and (isinstance(value, str) or number == value or math.isnan(number)):
+            return number
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise Refused(f"{name} is {value!r}, expected {'an integer' if isinstance(default, int) else 'a number'}")
+
+
 def driver_bridge(parameters: dict[str, Any], settings: Settings) -> DriverBridge:
     """Returns the bridge of a driver with these parameters. Raises ValueError, of this package or of slalom."""
     if not parameters["agent"]:

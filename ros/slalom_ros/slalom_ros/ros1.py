@@ -18,20 +18,12 @@ from sensor_msgs.msg import LaserScan
 
 from .bridge import STOP, Output, Refused, Settings
 from .messages import fill_velocity, odometry_of, scan_of
-from .nodes import Ending, leave
+from .nodes import Ending, leave, parameter_of
 
 
 def declare(defaults: dict[str, Any]) -> dict[str, Any]:
-    """Returns the node's private parameters; those that are not given have the defaults. A list may be given as one text."""
-    values = {name: rospy.get_param("~" + name, default) for name, default in defaults.items()}
-    for name, default in defaults.items():
-        if isinstance(default, list) and isinstance(values[name], str):
-            values[name] = values[name].split()
-        elif isinstance(default, float):
-            values[name] = float(values[name])
-        elif isinstance(default, str):
-            values[name] = str(values[name])
-    return values
+    """Returns the node's private parameters; those that are not given have the defaults. Raises `Refused`."""
+    return {name: parameter_of(name, rospy.get_param("~" + name, default), default) for name, default in defaults.items()}
 
 
 def settings_of() -> Settings:

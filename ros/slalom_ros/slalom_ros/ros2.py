@@ -13,13 +13,14 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 
 from .bridge import STOP, Output, Refused, Settings
 from .messages import fill_velocity, odometry_of, scan_of
-from .nodes import Ending, leave
+from .nodes import Ending, leave, parameter_of
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -47,13 +48,12 @@ def now_of(node: Any) -> float:
 
 
 def declare(node: Any, defaults: dict[str, Any]) -> dict[str, Any]:
-    """Returns the node's parameters; those that are not given have the defaults. An empty list is one of texts."""
+    """Returns the node's parameters; those that are not given have the defaults. Raises `Refused`."""
     for name, default in defaults.items():
         if not node.has_parameter(name):
-            node.declare_parameter(name, default if default != [] else [""])
-    values = {name: node.get_parameter(name).value for name in defaults}
-    return {name: [item for item in value if item != ""] if isinstance(value, list) else value
-            for name, value in values.items()}
+            # An empty list is one of texts. Of another type a number without a fraction, such as 1, would be refused.
+            node.declare_parameter(name, default if default != [] else [""], ParameterDescriptor(dynamic_typing=True))
+    return {name: parameter_of(name, node.get_parameter(name).value, default) for name, default in defaults.items()}
 
 
 def settings_of(node: Any) -> Settings:

@@ -20,20 +20,23 @@ class Driver(LifecycleNode):
     def __init__(self):
         super().__init__("slalom_driver")
         self._inputs = self._bridge = None
-        self._made, self._goal = [], None
+        self._made, self._goal, self._fault = [], None, "the driver could not be configured"
         if ros2.declare(self, {"autostart": True})["autostart"]:
             if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
                 raise Refused(self._fault)
             self.trigger_activate()
 
     def on_configure(self, state):
-        parameters = ros2.declare(self, PARAMETERS)
         try:
-            self._bridge = driver_bridge(parameters, ros2.settings_of(self))
-        except ValueError as error:
+            self._configure()
+        except ValueError as error:  # Bad input, of this package or of slalom.
             self._fault = str(error)
             self.get_logger().error(self._fault)
             return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def _configure(self):
+        self._bridge = driver_bridge(ros2.declare(self, PARAMETERS), ros2.settings_of(self))
         # Who sees cmd_vel sees current_goal, which comes first.
         self._current_goal = self.create_publisher(PoseStamped, "current_goal", ros2.LATCHED)
         self._inputs = ros2.Inputs(self, self._bridge)
@@ -45,7 +48,6 @@ class Driver(LifecycleNode):
             frames = self._bridge.frames
             self._made += [self.create_subscription(ros2.TFMessage, topic, lambda message: add_transforms(message, frames), qos)
                            for topic, qos in (("/tf", ros2.RELIABLE), ("/tf_static", ros2.LATCHED))]
-        return super().on_configure(state)
 
     def on_activate(self, state):
         self._inputs.is_active = True

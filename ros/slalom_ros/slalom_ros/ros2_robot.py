@@ -95,19 +95,24 @@ class Robot(Node):
 
 def main():
     rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    node = Robot()
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
     thread = threading.Thread(target=executor.spin, daemon=True)
-    thread.start()
+
+    def make_robot():
+        robot = Robot()
+        executor.add_node(robot)
+        thread.start()
+        return robot
 
     def shut_down():
+        nodes = list(executor.get_nodes())
         executor.shutdown()
-        thread.join()
-        node.destroy_node()
+        for node in nodes:
+            thread.join()
+            node.destroy_node()
         rclpy.try_shutdown()
 
-    leave(drive_episodes(lambda: node), shut_down)
+    leave(drive_episodes(make_robot), shut_down)
 
 
 if __name__ == "__main__":
