@@ -45,7 +45,10 @@ def setUpModule():
 
 class Ros1Test(unittest.TestCase):
     def setUp(self):
-        """Parameters stay with the master, whoever set them."""
+        self.forget_parameters()
+
+    def forget_parameters(self):
+        """They stay with the master, whoever set them."""
         master = rosgraph.Master("/test")
         for name in "/slalom_robot", "/slalom_driver", "/slalom_guard":
             if master.hasParam(name):
@@ -115,15 +118,17 @@ class Ros1Test(unittest.TestCase):
         return NodeProcess(command, self.addCleanup, environment)
 
     def test_launch_files_drive(self):
-        """The Challenge's is told a goal relative to the start, and not the robot's: it is about 10 m ahead."""
+        """The Challenge's is told a goal relative to the start, and not the robot's: it is about 10 m ahead. Not every policy gets
+        there."""
         challenge = {"scan": "/front/scan", "odom": "/odometry/filtered", "goal_pose": "/untold", "current_goal": "/untold_either"}
         for file, arguments, topics in (("drive.launch", {"guard": "false", "scan": "/front/scan"}, {"scan": "/front/scan"}),
                                         ("barn.launch", {"goal_x": 10, "goal_y": 0}, challenge)):
             with self.subTest(file=file):
                 driving = self.launch(file, agent=POLICY, **arguments)
-                _, said = self.start("robot", remapped=topics, courses="generated:1:1").finish(120)
-                self.assertRegex(said, "success +100.0 %")
+                code, said = self.start("robot", remapped=topics, courses="generated:1:1").finish(120)
+                self.assertEqual(code, 0, said)
                 driving.interrupt()
+                self.assertRegex(driving.said(), r"drives, (9\.[5-9]|10\.[0-5]) m to go")
 
     def test_a_launch_file_scores(self):
         with tempfile.TemporaryDirectory() as output:
@@ -138,6 +143,7 @@ class Ros1Test(unittest.TestCase):
                 ("robot", {"lockstep": "maybe"}, "lockstep is 'maybe', expected true or false"),
                 ("robot", {"client_timeout": 1.0}, "found no node that reads scan")):
             with self.subTest(node=node):
+                self.forget_parameters()
                 code, said = self.start(node, **parameters).finish(60)
                 self.assertEqual(code, 1)
                 self.assertIn(expected, said)
