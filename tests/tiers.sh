@@ -31,7 +31,7 @@ Parts:
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
-  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros  by --part alone
+  ros       drives through topics of ROS 1, and of ROS 2 in a virtual environment, by the nodes of ros/slalom_ros      --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, wheels, packages and image compiled for Debian 13, a minute for each fuzzer        --soak
 HELP
@@ -160,16 +160,19 @@ part_tidy() {
     xargs -0 -n 1 -P "$jobs" clang-tidy --quiet --warnings-as-errors='*' -p build/tidy 2> >(grep -v ' warnings generated' >&2))
 }
 
-# with_python COMMAND...: with the Python package's build, and the environment of its tests. The policy is any that the program has just
+# with_python COMMAND...: with the Python package's build, and the environment of its tests. The policy is any that this program has
 # trained.
 with_python() {
   local runs=$root/build/python/trained
+  local policy=$runs/tiny/policy.safetensors
   build_program
   VIRTUAL_ENV='' build_python
-  rm -rf "$runs"
-  "$program" train "$root/configs/quickstart.toml" --deterministic --no-evaluation --output "$runs" --name tiny \
-    --set run.max_seconds=0 --set run.max_steps=100000
-  SLALOM_POLICY=$runs/tiny/policy.safetensors SLALOM_PROGRAM=$program "$@"
+  if [[ ! $policy -nt $program ]]; then
+    rm -rf "$runs"
+    "$program" train "$root/configs/quickstart.toml" --deterministic --no-evaluation --output "$runs" --name tiny \
+      --set run.max_seconds=0 --set run.max_steps=100000
+  fi
+  SLALOM_POLICY=$policy SLALOM_PROGRAM=$program "$@"
 }
 part_python() { with_python run_ctest python -LE ros; }
 part_ros() { with_python run_ctest python -L ros; }
@@ -277,7 +280,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release asan fuzz tsan tidy python dev deploy drills arm64)  # With --within the last ones are left out first.
+      chosen=(format release asan fuzz tsan tidy python ros dev deploy drills arm64)  # With --within the last ones are left out first.
     else
       chosen=(soak)
     fi
