@@ -20,6 +20,7 @@ TEST(DescriptorLimitTest, IsRaisedAsFarAsIsUsefulAndNeverLowered) {
   const rlim_t most = std::min<rlim_t>(before.rlim_max, 65536);
   const rlimit low{.rlim_cur = 64, .rlim_max = before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  EXPECT_EQ(DescriptorLimit(), 64) << "the one in force, not the hard one";
   RaiseDescriptorLimit();
   EXPECT_EQ(Limit(), most);
   const rlimit high{.rlim_cur = before.rlim_max, .rlim_max = before.rlim_max};
@@ -27,6 +28,15 @@ TEST(DescriptorLimitTest, IsRaisedAsFarAsIsUsefulAndNeverLowered) {
   RaiseDescriptorLimit();
   EXPECT_EQ(Limit(), before.rlim_max);
   setrlimit(RLIMIT_NOFILE, &before);
+}
+
+TEST(IsLocalHostTest, IsThisMachineToItself) {
+  for (const char* host : {"localhost", "127.0.0.1", "127.9.0.2", "::1", "[::1]"}) {
+    EXPECT_TRUE(IsLocalHost(host)) << host;
+  }
+  for (const char* host : {"", "10.0.0.1", "1.0.0.127", "::", "100::", "[::2]", "local", "[127"}) {
+    EXPECT_FALSE(IsLocalHost(host)) << host;
+  }
 }
 
 }  // namespace
