@@ -8,6 +8,7 @@
 #include <fstream>
 #include <map>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 #include "base/error.h"
@@ -16,6 +17,7 @@
 #include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 #include "tests/support/small_files.h"
+#include "tests/support/wait_until.h"
 
 namespace slalom::replay {
 namespace {
@@ -250,6 +252,19 @@ TEST(JournalTest, GoesOnAfterEveryKill) {
         << "start " << start;
     scene.Append(static_cast<int>(random.UniformInt(60)));
     scene.WaitWritten();
+    // What it says of the disk is so once those of no use are deleted.
+    test::WaitUntil([&] {
+      const Journal::Status status = scene.journal().status();
+      std::int64_t bytes = 0;
+      int num_segments = 0;
+      for (const auto& entry : fs::directory_iterator(scratch.path())) {
+        if (entry.path().extension() != ".log") continue;
+        std::error_code gone;
+        bytes += static_cast<std::int64_t>(fs::file_size(entry.path(), gone));
+        ++num_segments;
+      }
+      return status.disk_bytes == bytes && status.num_segments == num_segments;
+    });
     scene.Close();
     const auto files = ReadSegments(scratch.path());
     most_files = std::max(most_files, files.size());

@@ -9,10 +9,12 @@
 #include "proto/messages.h"
 #include "replay/service/server.h"
 #include "tests/replay/service/rows_source.h"
+#include "tests/support/held_clock.h"
 
 namespace slalom::replay {
 
 /// A server of rows of `kBeams`, over tcp, that runs in a thread until it goes out of scope.
+/// `clock`: the thread's, if it is to be held.
 class RunningServer {
  public:
   static constexpr int kBeams = 3;
@@ -21,7 +23,8 @@ class RunningServer {
 
   explicit RunningServer(const ReplayServerConfig& config = {},
                          transport::ServerSecurity security = {}, int max_connections = 64,
-                         proto::RunIdentity run = {{"run.seed", "5"}})
+                         proto::RunIdentity run = {{"run.seed", "5"}},
+                         const test::HeldClock* clock = nullptr)
       : registry_("replay", "replay"),
         server_(config,
                 {.endpoint = "tcp://127.0.0.1:*",
@@ -35,7 +38,10 @@ class RunningServer {
                  .learning_starts = 8,
                  .run = std::move(run)},
                 context_, registry_),
-        thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
+        thread_([this, clock](std::stop_token stop) {
+          if (clock != nullptr) clock->Share();
+          server_.Run(stop);
+        }) {}
 
   std::string endpoint() const { return server_.endpoint(); }
   /// Its metrics, as Prometheus gets them.

@@ -2,18 +2,24 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <thread>
 
 #include "base/error.h"
+#include "base/file.h"
+#include "metrics/catalogue.h"
 #include "proto/replay_link.h"
 #include "replay/sample_bytes.h"
 #include "tests/replay/service/rows_source.h"
 #include "tests/replay/service/running_server.h"
 #include "tests/replay/service/test_peer.h"
+#include "tests/support/held_clock.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/wait_until.h"
 
 namespace slalom::replay {
 namespace {
@@ -179,6 +185,7 @@ TEST(ReplayServerTest, WhatLearnersWereGrantedComesBackAfterARestart) {
   ReplayServerConfig config;
   config.directory = (scratch.path() / "replay").string();
   config.max_ahead_steps = 20;
+  config.sync_interval = 0.01;
   transport::Context context;
   RowsSource source(kBeams, kStreams, 1);
   std::uint64_t sent = 0;
@@ -195,7 +202,16 @@ TEST(ReplayServerTest, WhatLearnersWereGrantedComesBackAfterARestart) {
     for (; sent < 13; ++sent) InsertAll(actor, source, nullptr, 1, sent, sent + 1);
     ASSERT_TRUE(learner.Expect<proto::SampleReply>());
     // What a kill leaves behind: they are saved every second.
-    while (!std::filesystem::exists(CursorsPath(config.directory))) std::this_thread::yield();
+    for (const std::uint64_t cursor : {601, 650}) {
+      const std::string line = std::to_string(cursor) + " l";
+      const auto saved = CursorsPath(config.directory);
+      test::WaitUntil([&] {
+        return std::filesystem::exists(saved) && base::ReadFile(saved).find(line) != line.npos;
+      });
+      if (cursor == 650) break;
+      learner.Send(proto::SampleRequest{.cursor = 649, .batch = 4, .history = 1, .n_step = 1});
+      ASSERT_TRUE(learner.Expect<proto::SampleReply>());
+    }
   }
   // Far more than `max_ahead_steps`, and fewer than what the learner was granted allows.
   RunningServer server(config);
@@ -275,6 +291,9 @@ TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
       {.directory = config.directory, .shape = kBeams, .spec_hash = kSpecHash}, {.capacity = 500});
   EXPECT_EQ(recovered.sessions.accepted_steps(), steps);
   EXPECT_THAT(recovered.notes, testing::IsEmpty());
+  // Two or three hold the table's rows; the others are deleted.
+  EXPECT_GE(recovered.next_index, 6u);
+  EXPECT_LE(recovered.segments.size(), 3u);
 }
 
 TEST(ReplayServerTest, APeerWithoutRoomIsToldTheKey) {
@@ -466,40 +485,128 @@ TEST(ReplayServerTest, AKeyThatIsBoundToNamesMayHaveNoOthers) {
   }
 }
 
-TEST(ReplayServerTest, AnActorThatDiesIsCountedAndOneThatLeavesIsNot) {
-  ReplayServerConfig config;
-  config.silence = 1.0;
-  const RunningServer server(config);
-  transport::Context context;
-  const auto lost = [&](const std::string& role, int count) {
-    std::istringstream lines(server.Metrics());
-    for (std::string line; std::getline(lines, line);) {
-      if (line.starts_with("slalom_peers_lost_total{") &&
-          line.find("peer_role=\"" + role) != std::string::npos) {
-        return line.ends_with("} " + std::to_string(count));
+/// A server whose clock stands still, and an operator that looks at it.
+class ServerOverTimeTest : public testing::Test {
+ protected:
+  /// Lets the time pass. Returns the server's own report after that.
+  proto::Report After(std::chrono::seconds time) {
+    clock_.Advance(time);
+    for (;;) {
+      operator_.Send(proto::StatusRequest{});
+      const auto reply = operator_.Expect<proto::StatusReply>();
+      if (!reply) return {};
+      for (const proto::RoleStatus& role : reply->roles) {
+        if (role.report.role == "replay" && role.age_s < 1.0) return role.report;
       }
     }
-    ADD_FAILURE() << "it is not shown";
-    return true;
-  };
-  EXPECT_TRUE(lost("actor", 0));
+  }
+  /// The value of a metric with a label, as Prometheus gets it; -1 if it is not there.
+  double Metric(const metrics::Spec& metric, const std::string& label) const {
+    std::istringstream lines(server_.Metrics());
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t end = line.rfind(' ');
+      if (line.starts_with(std::string(metric.name) + "{") &&
+          line.substr(0, end).find('"' + label + '"') != std::string::npos) {
+        return std::stod(line.substr(end));
+      }
+    }
+    return -1.0;
+  }
+  double Lost(const std::string& role) const { return Metric(metrics::kPeersLost, role); }
+  double Present(const std::string& role) const { return Metric(metrics::kConnectedPeers, role); }
+  void Greet(TestPeer& peer, const std::string& role, const std::string& name) {
+    peer.Send(HelloOf(role, name, 1));
+    ASSERT_TRUE(peer.Expect<proto::Welcome>());
+  }
+  void Hear(TestPeer& peer) {
+    peer.Send(proto::StatusRequest{});
+    ASSERT_TRUE(peer.Expect<proto::StatusReply>());
+  }
+
+  static constexpr std::chrono::seconds kSilence{10};  // By default.
+  test::HeldClock clock_{/*is_for_this_thread=*/false};
+  const RunningServer server_{{}, {}, 64, {{"run.seed", "5"}}, &clock_};
+  transport::Context context_;
+  TestPeer operator_{context_, server_.endpoint()};
+};
+
+TEST_F(ServerOverTimeTest, AnActorThatDiesIsCountedAndOneThatLeavesIsNot) {
+  EXPECT_EQ(Lost("actor"), 0.0);
   {
-    TestPeer leaves(context, server.endpoint());
-    leaves.Send(HelloOf("actor", "leaves", 1));
-    ASSERT_TRUE(leaves.Expect<proto::Welcome>());
-    leaves.Send(proto::Goodbye{.session = 1});
-    TestPeer dies(context, server.endpoint());
-    dies.Send(HelloOf("actor", "dies", 1));
-    ASSERT_TRUE(dies.Expect<proto::Welcome>());
+    TestPeer leaves(context_, server_.endpoint());
+    Greet(leaves, "operator", "o");
   }
-  TestPeer learner(context, server.endpoint());
-  learner.Send(HelloOf("learner", "l"));
-  ASSERT_TRUE(learner.Expect<proto::Welcome>());
-  while (!lost("actor", 1)) {
-    learner.Send(proto::StatusRequest{});
-    ASSERT_TRUE(learner.Expect<proto::StatusReply>());
+  TestPeer learner(context_, server_.endpoint());
+  Greet(learner, "learner", "l");
+  for (double dead = 0.0; dead < 2.0; ++dead) {
+    auto leaves = std::make_unique<TestPeer>(context_, server_.endpoint());
+    auto dies = std::make_unique<TestPeer>(context_, server_.endpoint());
+    Greet(*leaves, "actor", "leaves");
+    leaves->Send(proto::Goodbye{.session = 1});
+    Hear(*leaves);
+    // On a new connection it is the same one.
+    for (int i = 0; i < 2; ++i) {
+      dies = std::make_unique<TestPeer>(context_, server_.endpoint());
+      Greet(*dies, "actor", "dies");
+    }
+    leaves.reset();
+    dies.reset();
+    After(kSilence / 2);
+    Hear(learner);
+    EXPECT_EQ(Lost("actor"), dead);
+    After(kSilence / 2);
+    Hear(learner);
+    EXPECT_EQ(Lost("actor"), dead + 1.0);
   }
-  EXPECT_TRUE(lost("learner", 0)) << "it is there";
+  EXPECT_EQ(Lost("learner"), 0.0) << "it is there";
+  EXPECT_EQ(Lost("operator"), -1.0) << "one asks and leaves";
+}
+
+TEST_F(ServerOverTimeTest, WhoeverIsHeardOfAgainIsPresentAndMayBeLostAgain) {
+  TestPeer actor(context_, server_.endpoint());
+  TestPeer learner(context_, server_.endpoint());
+  Greet(actor, "actor", "a");
+  Greet(learner, "learner", "l");
+  for (double lost = 1.0; lost <= 3.0; ++lost) {
+    for (int i = 0; i < 3; ++i) {
+      Hear(actor);
+      Hear(learner);
+      EXPECT_EQ(After(kSilence - std::chrono::seconds(1)).figures.at("sessions"), 1.0);
+      EXPECT_EQ(Present("actor"), 1.0);
+      EXPECT_EQ(Present("learner"), 1.0);
+    }
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(After(std::chrono::seconds(1)).figures.at("sessions"), 0.0);
+      EXPECT_EQ(Present("actor"), 0.0);
+      EXPECT_EQ(Present("learner"), 0.0);
+      EXPECT_EQ(Lost("actor"), lost);
+      EXPECT_EQ(Lost("learner"), lost);
+    }
+  }
+  actor.Send(ReportOf("actor", "a"));
+  EXPECT_THAT(NamesOf(actor, "actor"), testing::ElementsAre("a"));
+  After(5 * kSilence);
+  actor.Send(ReportOf("actor", "a"));
+  EXPECT_THAT(NamesOf(actor, "actor"), testing::ElementsAre("a"));
+  After(6 * kSilence);
+  actor.Send(ReportOf("actor", "a"));
+  ExpectRefused(actor, proto::RefusalCode::kNoSession);
+}
+
+TEST_F(ServerOverTimeTest, TheTimeThatBatchesAndRowsAreHeldIsCounted) {
+  TestPeer learner(context_, server_.endpoint());
+  Greet(learner, "learner", "l");
+  const auto held = [&](const std::string& queue) {
+    return Metric(metrics::kBlockedSeconds, queue);
+  };
+  After(std::chrono::seconds(4));
+  EXPECT_EQ(held("samples"), 0.0);
+  learner.Send(proto::SampleRequest{.cursor = 0, .batch = 4, .history = 1, .n_step = 1});
+  Hear(learner);
+  After(std::chrono::seconds(3));
+  After(std::chrono::seconds(2));
+  EXPECT_EQ(held("samples"), 5.0);
+  EXPECT_EQ(held("inserts"), 0.0);
 }
 
 TEST(ReplayServerTest, AKeysRoleCountsAndNotWhatIsSaid) {
