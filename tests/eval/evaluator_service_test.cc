@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <memory>
 #include <sstream>
 #include <string>
@@ -9,12 +10,15 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "base/file.h"
+#include "base/result.h"
 #include "env/action.h"
 #include "metrics/catalogue.h"
 #include "tests/actor/one_policy.h"
 #include "tests/support/fake_environment.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/wait_until.h"
 
 /// The evaluator as a process would be, against a learner of a few lines.
 
@@ -33,9 +37,10 @@ EvaluationTask Task() {
                            {"open", {std::make_shared<const sim::Course>(std::move(course))}});
 }
 
-/// Policies whose text has "drive" in it drive ahead, all others stand.
+/// Policies whose text has "drive" in it drive ahead, all others stand, and one is none.
 base::Result<MakeAgent> Read(std::span<const std::byte> policy) {
   const std::string text(reinterpret_cast<const char*>(policy.data()), policy.size());
+  if (text == "damaged") return base::Failure{"it is damaged"};
   const bool drives = text.find("drive") != std::string::npos;
   return MakeAgent([drives](const sim::CourseEnvironments& environments) {
     const env::Action action = environments.config().action.Normalise(drives ? 1.5 : 0.0, 0.0);
@@ -45,35 +50,64 @@ base::Result<MakeAgent> Read(std::span<const std::byte> policy) {
 
 class EvaluatorServiceTest : public ::testing::Test {
  protected:
+  /// An evaluator that runs in a thread.
+  class Running {
+   public:
+    Running(const EvaluatorServiceTest& test, double interval)
+        : thread_([this, &test, interval](const std::stop_token& stop) {
+            transport::Context context;
+            base::ParallelFor parallel(1);
+            EvaluatorServiceConfig config;
+            config.interval = interval;
+            try {
+              EvaluatorService service(config, Task(),
+                                       {.name = "e",
+                                        .state_directory = test.scratch_.path(),
+                                        .spec_hash = 1,
+                                        .course_set = "open",
+                                        .replay = {.endpoint = "ipc://@slalom-nobody-replay"},
+                                        .learner = {.endpoint = test.learner_.endpoint()}},
+                                       Read, parallel, context, registry_);
+              service.Run(stop);
+            } catch (const base::Error& error) {
+              error_ = error.what();
+            }
+          }) {}
+
+    double count(const metrics::Spec& metric) { return registry_.counter(metric).value(); }
+    void Await(const metrics::Spec& metric, double count) {
+      test::WaitUntil([&] { return this->count(metric) >= count; });
+    }
+    /// Waits until `num` policies are scored, and the figures are those of the last.
+    void AwaitScore(double num, std::int64_t version, bool drives) {
+      Await(metrics::kEvaluations, num);
+      const auto success_rate = registry_.gauge(metrics::kEvaluationSuccessRate, {"open"});
+      const auto scored = registry_.gauge(metrics::kEvaluationVersion);
+      test::WaitUntil([&] {
+        return scored.value() == static_cast<double>(version) &&
+               success_rate.value() == (drives ? 1.0 : 0.0);
+      });
+    }
+    std::string Error() {
+      thread_.join();
+      return error_;
+    }
+
+   private:
+    metrics::Registry registry_{"evaluator", "e"};
+    std::string error_;
+    std::jthread thread_;
+  };
+
   /// Runs an evaluator that scores each of the policies, as the versions from `version` on.
   void Score(std::int64_t version, const std::vector<std::string>& policies) {
     learner_.Publish(version, policies[0]);
-    metrics::Registry registry("evaluator", "e");
-    auto evaluations = registry.counter(metrics::kEvaluations);
-    std::jthread thread([&](const std::stop_token& stop) {
-      transport::Context context;
-      base::ParallelFor parallel(1);
-      EvaluatorService service({}, Task(),
-                               {.name = "e",
-                                .state_directory = scratch_.path(),
-                                .spec_hash = 1,
-                                .course_set = "open",
-                                .replay = {.endpoint = "ipc://@slalom-nobody-replay"},
-                                .learner = {.endpoint = learner_.endpoint()}},
-                               Read, parallel, context, registry);
-      service.Run(stop);
-    });
+    Running evaluator(*this, 0.0);
     for (std::size_t i = 0; i < policies.size(); ++i) {
-      if (i > 0) learner_.Publish(version + static_cast<std::int64_t>(i), policies[i]);
-      while (evaluations.value() < static_cast<double>(i + 1)) std::this_thread::yield();
+      if (i > 0) learner_.Publish(++version, policies[i]);
+      evaluator.AwaitScore(static_cast<double>(i + 1), version,
+                           policies[i].find("drive") != std::string::npos);
     }
-    thread.request_stop();
-    thread.join();
-    const std::int64_t last = version + static_cast<std::int64_t>(policies.size()) - 1;
-    EXPECT_EQ(registry.gauge(metrics::kEvaluationVersion).value(), static_cast<double>(last));
-    const bool drives = policies.back().find("drive") != std::string::npos;
-    EXPECT_EQ(registry.gauge(metrics::kEvaluationSuccessRate, {"open"}).value(),
-              drives ? 1.0 : 0.0);
   }
 
   /// The last cell of each line of scores.csv: whether the policy was kept.
@@ -97,6 +131,33 @@ TEST_F(EvaluatorServiceTest, KeepsTheBestPolicyOfAllAlsoOverARestart) {
   Score(12, {"stands at last", "drives at last"});
   EXPECT_EQ(Kept(), "110000");
   EXPECT_EQ(Best(), "drives");
+  std::filesystem::remove(scratch_.path() / "best.safetensors");
+  Score(14, {"stands"});
+  EXPECT_EQ(Kept(), "1100001");
+  EXPECT_EQ(Best(), "stands");
+}
+
+TEST_F(EvaluatorServiceTest, OneThatCannotBeReadIsPassedOverUnlessItIsTheFirst) {
+  learner_.Publish(8, "damaged");
+  EXPECT_NE(Running(*this, 0.0).Error().find("policy 8 of the learner"), std::string::npos);
+  learner_.Publish(9, "stands");
+  Running evaluator(*this, 0.0);
+  evaluator.AwaitScore(1, 9, false);
+  learner_.Publish(10, "damaged");
+  evaluator.Await(metrics::kPoliciesRejected, 1);
+  learner_.Publish(11, "drives");
+  evaluator.AwaitScore(2, 11, true);
+  EXPECT_EQ(evaluator.count(metrics::kPoliciesRejected), 1) << "once";
+}
+
+TEST_F(EvaluatorServiceTest, ScoresNoneBeforeTheIntervalHasPassed) {
+  Running evaluator(*this, 1e6);
+  evaluator.AwaitScore(1, 7, false);
+  for (std::int64_t version = 8; version < 11; ++version) {
+    learner_.Publish(version, "drives");
+    evaluator.Await(metrics::kPoliciesReceived, static_cast<double>(version - 6));
+  }
+  EXPECT_EQ(evaluator.count(metrics::kEvaluations), 1);
 }
 
 }  // namespace
