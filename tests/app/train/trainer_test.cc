@@ -253,22 +253,6 @@ TEST(TrainerTest, AConstraintsLimitIsLessThanAnEpisodeMayCost) {
   EXPECT_NO_THROW((void)Resolve(own));
 }
 
-TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
-  const test::ScratchDirectory scratch;
-  RunConfig config = SmallRun();
-  config.run.max_steps = 1000;
-  const run::RunDirectory directory{scratch.path() / "run"};
-  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
-  const fs::path state = run::CheckpointStore(directory.checkpoints()).List()[0] / "state.json";
-  std::string text = base::ReadFile(state);
-  const auto digit = text.find("\"steps\": 1");
-  ASSERT_NE(digit, std::string::npos);
-  text[digit + 9] = '2';
-  base::WriteFileAtomically(state, text);
-  EXPECT_THAT([&] { RunOnce(config, directory, true); },
-              testing::ThrowsMessage<base::Error>(testing::HasSubstr("state.json")));
-}
-
 /// What resuming a run says whose own config.toml was edited after its checkpoints were written.
 std::string RefusalAfterAnEdit(void (*edit)(RunConfig&)) {
   const test::ScratchDirectory scratch;

@@ -11,6 +11,7 @@
 #include "base/file.h"
 #include "learner/run/metrics_table.h"
 #include "tests/support/event_file_reader.h"
+#include "tests/support/log_lines.h"
 #include "tests/support/scratch_directory.h"
 #include "tests/support/small_files.h"
 
@@ -125,16 +126,21 @@ TEST(MetricsLogTest, OnAFullDiskRowsAreLeftOutAndThoseThatComeAfterAreWhole) {
   const auto path = scratch.path() / "metrics.csv";
   MetricsLog log(path, 0);
   log.Append(RowAt(1));
-  {
-    const test::SmallFiles limit(std::filesystem::file_size(path) + 5);
-    log.Append(RowAt(2));
+  for (const int row : {2, 4}) {
+    {
+      const test::LogLines said;
+      const test::SmallFiles limit(std::filesystem::file_size(path) + 5);
+      log.Append(RowAt(row));
+      EXPECT_TRUE(said.Has("rows are left out")) << row;
+    }
+    log.Append(RowAt(row + 1));
   }
-  log.Append(RowAt(3));
   const auto lines = Lines(path);
-  ASSERT_EQ(lines.size(), 3u);
+  ASSERT_EQ(lines.size(), 4u);
   EXPECT_THAT(lines[1], testing::StartsWith("1.50,1,"));
   EXPECT_THAT(lines[2], testing::StartsWith("1.50,3,"));
-  EXPECT_EQ(test::ReadRun(scratch.path()).size(), 2u);
+  EXPECT_THAT(lines[3], testing::StartsWith("1.50,5,"));
+  EXPECT_EQ(test::ReadRun(scratch.path()).size(), 3u);
 }
 
 TEST(MetricsLogTest, AnUnwritablePlaceIsNamed) {

@@ -33,8 +33,9 @@ TEST_F(TrainingClockTest, CountsBetweenStartAndStopOnly) {
   clock_.Look();
   EXPECT_DOUBLE_EQ(clock_.training_s(), 0.75);
   clock_.Start();
+  Work(0.0625);
   clock_.Start();
-  Work(0.125);
+  Work(0.0625);
   clock_.Look();
   EXPECT_DOUBLE_EQ(clock_.training_s(), 0.875);
 }

@@ -2,8 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
 #include <string>
+#include <tuple>
+#include <vector>
 
+#include "base/error.h"
+#include "base/file.h"
+#include "learner/run/checkpoint_store.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::run {
@@ -49,6 +57,62 @@ TEST(TrainingRunTest, EachSessionKnowsWhatTheOnesBeforeHaveSeen) {
     plan.has_goals = false;
     EXPECT_FALSE(HasLearnedNothing(plan, 1200, 1300, 0.0));
   }
+}
+
+TEST(TrainingRunTest, RowsAndRatesGoOnAfterARestartAndADamagedCheckpointIsPassedOver) {
+  const test::ScratchDirectory scratch;
+  RunPlan plan;
+  plan.directory.root = scratch.path();
+  plan.settings.log_interval = 1.0;
+  double now_s = 0.0;
+  std::int64_t updates = 0;
+  std::vector<std::filesystem::path> checkpoints;
+  const auto make = [&] {
+    return TrainingRun(plan, TrainingClock([&now_s] {
+                         return ClockReading{.wall_s = now_s, .processor_s = now_s};
+                       }));
+  };
+  const auto read = [&](const auto&, const auto&) { return updates; };
+  for (int session = 0; session < 2; ++session, now_s += 100.0) {
+    TrainingRun run = make();
+    EXPECT_EQ(run.Restore(read), session > 0);
+    run.OpenLog();
+    run.StartClock();
+    for (int i = 0; i < 6; ++i) {
+      EXPECT_EQ(run.LogDue(), i > 0 && i % 2 == 0);
+      if (run.LogDue()) {
+        const MetricsRow row = run.Log({});
+        EXPECT_EQ(row.steps_per_s, 8.0);
+        EXPECT_EQ(row.updates_per_s, 4.0);
+        std::ignore = run.Log({});  // It says nothing new.
+      }
+      now_s += 0.5;
+      updates += 2;
+      run.LookAtClock();
+      run.SetProgress(2 * updates, updates);
+    }
+    checkpoints.push_back(run.Checkpoint(updates, [](const auto&, auto&) {}));
+  }
+  const std::string rows = base::ReadFile(plan.directory.metrics());
+  EXPECT_EQ(std::ranges::count(rows, '\n'), 1 + 4) << rows;
+
+  const auto damage = [](const std::filesystem::path& checkpoint) {
+    std::string state = base::ReadFile(CheckpointFiles{checkpoint}.state());
+    ++state[state.find("\"steps\": ") + 9];
+    base::WriteFileAtomically(CheckpointFiles{checkpoint}.state(), state);
+  };
+  for (int i = 0; i < 2; ++i) {
+    damage(checkpoints[1]);
+    TrainingRun run = make();
+    EXPECT_TRUE(run.Restore(read));
+    EXPECT_EQ(run.steps(), 24);
+    EXPECT_FALSE(std::filesystem::exists(checkpoints[1]));
+    run.Checkpoint(updates, [](const auto&, auto&) {});
+  }
+  damage(checkpoints[1]);
+  damage(checkpoints[0]);
+  EXPECT_THROW(make().Restore(read), base::Error);
+  EXPECT_TRUE(std::filesystem::exists(checkpoints[0])) << "for a look at it";
 }
 
 }  // namespace
