@@ -227,6 +227,7 @@ class PolicyLinkTest : public ::testing::Test {
   void Publish(std::int64_t version, std::string_view policy) {
     proto::Snapshot snapshot;
     snapshot.version = version;
+    snapshot.published_ns = 1'000'000'000 * version;
     far_.Answer(snapshot, policy);
   }
 
@@ -244,6 +245,7 @@ TEST_F(PolicyLinkTest, AsksOnEachConnectionAndAfterEachAnswer) {
     Publish(++seen, "1");
     Until([&] { return link_.Poll(); });
     EXPECT_EQ(link_.version(), seen);
+    EXPECT_DOUBLE_EQ(link_.published_s(), static_cast<double>(seen));
     for (int i = 0; i < 2; ++i) {
       ExpectRequest(seen);
       Publish(++seen, "no policy");
