@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -155,6 +156,7 @@ class ActorServiceTest : public ::testing::Test {
     double made() { return registry_.counter(metrics::kEnvironmentSteps).value(); }
     bool ended() const { return ended_; }
     std::int64_t driven() const { return std::int64_t{kEnvironments} * environments_.num_steps; }
+    std::uint64_t first_seed() const { return environments_.specs().front().seed; }
     /// Ends it as SIGTERM would.
     StepAccount Stop() {
       thread_.request_stop();
@@ -473,11 +475,14 @@ TEST_F(ActorServiceTest, WhatWasNotAcknowledgedIsSpooledBeforeAnError) {
 TEST_F(ActorServiceTest, WhatAnEnvironmentThrowsLosesNoStep) {
   Replay replay(journal());
   std::int64_t driven = 0;
+  std::set<std::uint64_t> seeds;
   for (const bool in_reset : {false, true}) {
     Running failing(*this, replay.endpoint(), "actor", {103, in_reset});
     EXPECT_EQ(failing.Error(), "the motor is hot");
     driven += failing.driven();
+    seeds.insert(failing.first_seed());
   }
+  EXPECT_EQ(seeds.size(), 2u) << "each session has episodes of its own";
   Running actor(*this, replay.endpoint());
   WaitUntil([&] { return replay.steps() > 2000; });
   const StepAccount account = actor.Stop();
