@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "sim/environments.h"
+#include "sim/randomized_config.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::eval {
@@ -118,6 +119,21 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     }
   }
   EXPECT_EQ(num_compared, 6);
+}
+
+TEST(RunEpisodes, EachTellsWhatWasDrawnForIt) {
+  sim::EnvironmentConfig environment;
+  environment.observation.speeds = true;
+  environment.randomize = {{"localisation.speed_noise", {"[0.0, 0.5]", ""}}};
+  const EvaluationTask task = ResolveEvaluation(MakeConfig(), environment, MakeCourses(2));
+  testing::FakeEnvironment environments(5, {0.5, 0.5});
+  testing::SummingAgent agent(5);
+  sim::RandomizedConfig drawn(task.environment);
+  const auto episodes = RunEpisodes(task, environments, agent).value();
+  for (const EpisodeRecord& record : episodes.records) {
+    drawn.Draw(record.seed);
+    EXPECT_TRUE(std::ranges::equal(record.drawn, drawn.values())) << record.seed;
+  }
 }
 
 /// The episodes of course `c` whose tracks are kept, and that with scans, or -1.
