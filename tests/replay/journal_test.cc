@@ -253,18 +253,20 @@ TEST(JournalTest, GoesOnAfterEveryKill) {
     scene.Append(static_cast<int>(random.UniformInt(60)));
     scene.WaitWritten();
     // What it says of the disk is so once those of no use are deleted.
-    test::WaitUntil([&] {
-      const Journal::Status status = scene.journal().status();
-      std::int64_t bytes = 0;
-      int num_segments = 0;
-      for (const auto& entry : fs::directory_iterator(scratch.path())) {
-        if (entry.path().extension() != ".log") continue;
-        std::error_code gone;
-        bytes += static_cast<std::int64_t>(fs::file_size(entry.path(), gone));
-        ++num_segments;
-      }
-      return status.disk_bytes == bytes && status.num_segments == num_segments;
-    });
+    if (start % 8 == 7) {
+      test::WaitUntil([&] {
+        const Journal::Status status = scene.journal().status();
+        std::int64_t bytes = 0;
+        int num_segments = 0;
+        for (const auto& entry : fs::directory_iterator(scratch.path())) {
+          if (entry.path().extension() != ".log") continue;
+          std::error_code gone;
+          bytes += static_cast<std::int64_t>(fs::file_size(entry.path(), gone));
+          ++num_segments;
+        }
+        return status.disk_bytes == bytes && status.num_segments == num_segments;
+      });
+    }
     scene.Close();
     const auto files = ReadSegments(scratch.path());
     most_files = std::max(most_files, files.size());
