@@ -23,6 +23,7 @@ inline constexpr int kBeams = 8;
 inline constexpr int kStreams = 4;
 inline constexpr std::uint64_t kSpecHash = 3;
 inline constexpr std::int64_t kSteps = 800;
+inline constexpr std::int64_t kActingVersion = 2;
 inline constexpr std::int64_t kUpdates = 400;  // What so many steps earn.
 
 using test::WaitUntil;
@@ -69,7 +70,9 @@ class FilledReplay {
                                        .sequence = 0,
                                        .num_rows = chunk.num_rows(),
                                        .num_beams = kBeams,
-                                       .num_steps = static_cast<int>(kSteps)},
+                                       .num_steps = static_cast<int>(kSteps),
+                                       .oldest_version = kActingVersion,
+                                       .newest_version = kActingVersion},
                          rows.Share());
       }
       safe = received && std::holds_alternative<proto::InsertAck>(received->header);
@@ -77,6 +80,9 @@ class FilledReplay {
   }
 
   const std::string& endpoint() const { return server_.endpoint(); }
+  double requests() {
+    return registry_.counter(metrics::kMessages, {proto::NameOf(proto::SampleRequest{})}).value();
+  }
   double priorities_updated() { return registry_.counter(metrics::kPrioritiesUpdated).value(); }
 
  private:
