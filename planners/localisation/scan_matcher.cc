@@ -81,8 +81,7 @@ ScanMatcher::Square ScanMatcher::SquareOf(base::Vec2 p_M) {
 /// The cell of the square, which may still be that of another one.
 ScanMatcher::Cell& ScanMatcher::CellAt(Square square) {
   constexpr int kLastBits = kCellsPerSide - 1;
-  return cells_[static_cast<std::size_t>((square.y & kLastBits) * kCellsPerSide +
-                                         (square.x & kLastBits))];
+  return cells_[(square.y & kLastBits) * kCellsPerSide + (square.x & kLastBits)];
 }
 
 /// Finds the cell that each point lies in, if it counts.
