@@ -68,7 +68,6 @@ class DriverTest(unittest.TestCase):
 
         self.same(score(one_by_one(answer), **task), score(slalom.Policy(POLICY), guard={"scan_matching": True}, **task))
         self.assertGreater(max(moved), 0.01)
-        self.assertLess(max(moved), 1.0)
 
     def test_a_planner_drives_as_inside(self):
         rules = {"courses": "generated:1:2", "evaluation": {"time_limit": 15.0}}
