@@ -10,7 +10,7 @@ import sys
 import tempfile
 
 from cluster import ROLES, SERVICES, Cluster
-from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, say, wait_for
+from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, end_with, run, running_engine, say, wait_for
 
 PROJECT = "slalom_compose_test"
 SUCCESS_RATE = 0.6  # An untrained policy has 0.
@@ -108,8 +108,4 @@ def restarts_of(cluster, service):
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Failure as failure:
-        print(f"FAILED: {failure}", file=sys.stderr)
-        sys.exit(1)
+    end_with(main)

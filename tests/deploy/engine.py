@@ -44,6 +44,15 @@ def say(text):
 START = time.monotonic()
 
 
+def end_with(test):
+    """Runs a test, and ends the process as it ends."""
+    try:
+        test()
+    except Failure as failure:
+        print(f"FAILED: {failure}", file=sys.stderr)
+        sys.exit(1)
+
+
 def skip(why):
     print(f"SKIPPED: {why}")
     sys.exit(SKIPPED)

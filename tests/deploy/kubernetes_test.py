@@ -68,9 +68,7 @@ class Rendered(unittest.TestCase):
     def test_schemas(self):
         jobs = []
         for overlay, objects in self.overlays.items():
-            said = subprocess.run([PYTHON.with_name("kubernetes-validate"), "-k", VERSION, "--strict", SCRATCH / f"{overlay}.yaml"],
-                                  capture_output=True, text=True, check=False)
-            self.assertEqual(said.returncode, 0, said.stdout + said.stderr)
+            self.fits_schemas(SCRATCH / f"{overlay}.yaml")
             jobs += [each for each in objects if each["kind"] == "JobSet"]
         self.assertEqual(len(jobs), 1)
         # Of a JobSet the schemas know what is within: its jobs.
@@ -79,12 +77,15 @@ class Rendered(unittest.TestCase):
             self.assertLessEqual(set(job), {"name", "replicas", "template", "groupName", "dependsOn"})
             self.validates({"apiVersion": "batch/v1", "kind": "Job", "metadata": {"name": job["name"]}, **job["template"]})
 
-    def validates(self, thing):
-        file = SCRATCH / "one.yaml"
-        file.write_text(yaml.safe_dump(thing))
+    def fits_schemas(self, file):
         said = subprocess.run([PYTHON.with_name("kubernetes-validate"), "-k", VERSION, "--strict", file], capture_output=True, text=True,
                               check=False)
         self.assertEqual(said.returncode, 0, said.stdout + said.stderr)
+
+    def validates(self, thing):
+        file = SCRATCH / "one.yaml"
+        file.write_text(yaml.safe_dump(thing))
+        self.fits_schemas(file)
 
     def test_the_schemas_notice_a_mistake(self):
         pod = next(pod for _, pod in self.pods("sweep"))

@@ -14,7 +14,7 @@ import signal
 import sys
 import tempfile
 
-from engine import ROOT, Failure, say, wait_for
+from engine import ROOT, Failure, end_with, say, wait_for
 from slurm import Slurm
 
 SCRIPT = ROOT / "deploy/slurm/service.sbatch"
@@ -107,8 +107,4 @@ def processes(program, name):
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Failure as failure:
-        print(f"FAILED: {failure}", file=sys.stderr)
-        sys.exit(1)
+    end_with(main)

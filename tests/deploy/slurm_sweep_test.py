@@ -11,7 +11,7 @@ import pathlib
 import sys
 import tempfile
 
-from engine import Failure, say, wait_for
+from engine import Failure, end_with, say, wait_for
 from slurm import Slurm
 from sweep_plan import CELLS, require_equal, results, run_here, write_plan
 
@@ -111,8 +111,4 @@ def cell_of(store, task):
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Failure as failure:
-        print(f"FAILED: {failure}", file=sys.stderr)
-        sys.exit(1)
+    end_with(main)

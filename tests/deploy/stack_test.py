@@ -8,7 +8,7 @@ import sys
 import tempfile
 
 from cluster import ROLES, Cluster
-from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, say, skip, succeeds, wait_for
+from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, end_with, run, running_engine, say, skip, succeeds, wait_for
 
 STACK = "slalom_stack_test"
 
@@ -102,8 +102,4 @@ def watch(engine, environment):
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Failure as failure:
-        print(f"FAILED: {failure}", file=sys.stderr)
-        sys.exit(1)
+    end_with(main)

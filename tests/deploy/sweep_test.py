@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 
-from engine import IMAGE, ROOT, Failure, run, running_engine, say, wait_for
+from engine import IMAGE, ROOT, Failure, end_with, run, running_engine, say, wait_for
 from sweep_plan import CELLS, LEARNING_STARTS, UPDATES_PER_STEP, read_policy, require_equal, results, run_here, write_plan
 
 PROJECT = "slalom_sweep_test"
@@ -147,8 +147,4 @@ def output_of(engine, *command):
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except Failure as failure:
-        print(f"FAILED: {failure}", file=sys.stderr)
-        sys.exit(1)
+    end_with(main)
