@@ -105,6 +105,14 @@ Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::Environment
   return drive;
 }
 
+/// The answers of `slalom act`, by line.
+std::vector<json> AnswersOf(const ProgramResult& result) {
+  std::istringstream lines(result.out);
+  std::vector<json> answers;
+  for (std::string line; std::getline(lines, line);) answers.push_back(json::parse(line));
+  return answers;
+}
+
 class PolicyToolsTest : public ::testing::Test {
  protected:
   PolicyToolsTest() { Save({}); }
@@ -195,11 +203,10 @@ TEST_F(PolicyToolsTest, ActDrivesSimulatedEpisodesAsTheAgentDoes) {
     const Drive drive = DriveEpisodes(policy, task);
     const ProgramResult result = Act(drive.lines);
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    std::istringstream answers(result.out);
+    const std::vector<json> answers = AnswersOf(result);
+    ASSERT_GE(answers.size(), drive.actions.size());
     for (std::size_t k = 0; k < drive.actions.size(); ++k) {
-      std::string line;
-      ASSERT_TRUE(std::getline(answers, line));
-      const json action = json::parse(line)["action"];
+      const json& action = answers[k]["action"];
       EXPECT_NEAR(action[0].get<float>(), drive.actions[k].linear, 1e-5)
           << networks[i].name << ", case " << i << ", step " << k;
       EXPECT_NEAR(action[1].get<float>(), drive.actions[k].angular, 1e-5)
@@ -250,11 +257,10 @@ TEST_F(PolicyToolsTest, ActIsGuardedAsEvaluationsAre) {
     ASSERT_LT(num_guarded, std::ssize(drive.guarded)) << each.options;
     const ProgramResult result = Act(drive.lines, each.options);
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    std::istringstream answers(result.out);
+    const std::vector<json> answers = AnswersOf(result);
+    ASSERT_GE(answers.size(), drive.actions.size());
     for (std::size_t k = 0; k < drive.actions.size(); ++k) {
-      std::string line;
-      ASSERT_TRUE(std::getline(answers, line));
-      const json answer = json::parse(line);
+      const json& answer = answers[k];
       EXPECT_EQ(answer["guarded"].get<bool>(), drive.guarded[k]) << each.options << ", step " << k;
       EXPECT_NEAR(answer["action"][0].get<float>(), drive.actions[k].linear, 1e-5)
           << each.options << ", step " << k;
@@ -276,11 +282,10 @@ TEST_F(PolicyToolsTest, ActMatchesScansAsEvaluationsDo) {
   const Drive drive = DriveEpisodes(policy, task, {.scan_matching = true}, 40);
   const ProgramResult result = Act(drive.lines, "--set guard.scan_matching=true");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  std::istringstream answers(result.out);
+  const std::vector<json> answers = AnswersOf(result);
+  ASSERT_GE(answers.size(), drive.actions.size());
   for (std::size_t k = 0; k < drive.actions.size(); ++k) {
-    std::string line;
-    ASSERT_TRUE(std::getline(answers, line));
-    const json answer = json::parse(line);
+    const json& answer = answers[k];
     EXPECT_FALSE(answer.contains("guarded")) << k;
     const base::Pose2& pose = drive.matched[k];
     EXPECT_NEAR(answer["pose"][0].get<double>(), pose.p.x, 1e-4) << k;
