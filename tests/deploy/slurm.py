@@ -40,7 +40,7 @@ SchedulerParameters=batch_sched_delay=0,sched_interval=5
 ReturnToService=2
 MailProg=/bin/true
 SlurmdParameters=config_overrides
-NodeName={host} NodeAddr=127.0.0.1 CPUs=8 RealMemory=16000 State=UNKNOWN
+NodeName={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory=16000 State=UNKNOWN
 PartitionName=main Nodes={host} Default=YES MaxTime=INFINITE State=UP
 """
 
@@ -54,16 +54,17 @@ def free_ports(count):
 
 
 class Slurm:
-    """Starts with `with`, ends with it. `environment`: in which sbatch and the others reach it."""
+    """Starts with `with`, ends with it. cpus: as many as the node says it has. `environment`: in which sbatch and the others
+    reach it."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, cpus=2):
         os.environ["PATH"] += ":/usr/sbin"
         for program, package in PROGRAMS.items():
             if shutil.which(program) is None:
                 skip(f"{program} is not installed (Debian: {package})")
         if os.geteuid() != 0:
             skip("only root can run a slurmd for tests")
-        self.folder = pathlib.Path(folder)
+        self.folder, self.cpus = pathlib.Path(folder), cpus
         self.environment = dict(os.environ, SLURM_CONF=str(self.folder / "slurm.conf"))
         self.daemons = []
 
@@ -76,7 +77,8 @@ class Slurm:
         key.chmod(0o400)
         controller_port, node_port = free_ports(2)
         (self.folder / "slurm.conf").write_text(CONFIG.format(
-            host=socket.gethostname().split(".")[0], folder=self.folder, controller_port=controller_port, node_port=node_port))
+            host=socket.gethostname().split(".")[0], cpus=self.cpus, folder=self.folder, controller_port=controller_port,
+            node_port=node_port))
         (self.folder / "cgroup.conf").write_text("CgroupAutomount=no\n")
         try:
             self.start("munged", "--foreground", "--force", f"--key-file={key}", f"--socket={self.folder}/munge.socket",

@@ -26,7 +26,7 @@ def main():
     program = pathlib.Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory(prefix="slalom-slurm-service-") as scratch:
         folder = pathlib.Path(scratch)
-        with Slurm(folder / "slurm") as slurm:
+        with Slurm(folder / "slurm", cpus=2 + ACTORS) as slurm:
             try:
                 drill(slurm, program, folder)
             except Failure as failure:
