@@ -313,28 +313,6 @@ TEST(ReplayServerTest, TwoServersInOneDirectoryAreRefused) {
   EXPECT_THROW(RunningServer other(config), base::Error);
 }
 
-void ExpectRefused(TestPeer& peer, proto::RefusalCode code) {
-  const auto refusal = peer.Expect<proto::Refusal>();
-  ASSERT_TRUE(refusal);
-  EXPECT_EQ(refusal->code, code) << refusal->text;
-}
-
-proto::Report ReportOf(const std::string& role, const std::string& name) {
-  return {.role = role, .name = name, .figures = {{"x", 1.0}}, .facts = {}};
-}
-
-/// The names of a role that the status tells.
-std::vector<std::string> NamesOf(TestPeer& peer, const std::string& role) {
-  peer.Send(proto::StatusRequest{});
-  std::vector<std::string> names;
-  const auto reply = peer.Expect<proto::StatusReply>();
-  if (!reply) return names;
-  for (const auto& entry : reply->roles) {
-    if (entry.report.role == role) names.push_back(entry.report.name);
-  }
-  return names;
-}
-
 TEST(ReplayServerTest, RolesMaySendOnlyWhatIsTheirs) {
   RunningServer server;
   transport::Context context;

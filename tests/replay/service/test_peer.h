@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "proto/messages.h"
 #include "proto/transport/client.h"
@@ -72,5 +73,28 @@ class TestPeer {
  private:
   transport::Client client_;
 };
+
+/// The next message refuses what was sent before.
+inline void ExpectRefused(TestPeer& peer, proto::RefusalCode code) {
+  const auto refusal = peer.Expect<proto::Refusal>();
+  ASSERT_TRUE(refusal);
+  EXPECT_EQ(refusal->code, code) << refusal->text;
+}
+
+inline proto::Report ReportOf(const std::string& role, const std::string& name) {
+  return {.role = role, .name = name, .figures = {{"x", 1.0}}, .facts = {}};
+}
+
+/// The names of a role that the status tells.
+inline std::vector<std::string> NamesOf(TestPeer& peer, const std::string& role) {
+  peer.Send(proto::StatusRequest{});
+  std::vector<std::string> names;
+  const auto reply = peer.Expect<proto::StatusReply>();
+  if (!reply) return names;
+  for (const auto& entry : reply->roles) {
+    if (entry.report.role == role) names.push_back(entry.report.name);
+  }
+  return names;
+}
 
 }  // namespace slalom::replay
