@@ -274,7 +274,8 @@ void LineDriver::MakeCheck(const LineDriverOptions& options) {
         "guard.shield: found false, expected true, as there is nothing else that checks commands");
   }
   planners::GuardConfig guard = config.guard;
-  guard = {.shield = true, .margin = guard.margin, .memory = guard.memory};
+  guard = {
+      .shield = true, .margin = guard.margin, .memory = guard.memory, .tracking = guard.tracking};
   is_guarded_ = reads_odometry_ = true;
   environment_ = config.environment;
   sim::CheckConsistent(environment_);

@@ -11,6 +11,7 @@ struct GuardConfig {
   bool shield = false;
   double margin = 0.05;
   double memory = 10.0;
+  bool tracking = false;
   bool waypoints = false;
   double waypoint_after = 8.0;
   double lookahead = 3.0;
@@ -44,6 +45,10 @@ struct GuardConfig {
     v("memory", memory, base::Range{0.0, 60.0}, "s",
       "How long points are remembered where the range finder does not look, such as behind, not "
       "counting the time for which the robot stands.",
+      with_shield);
+    v("tracking", tracking,
+      "Tell from the scans what moves, expect it to go on as it does, and evade it "
+      "(docs/safety.md).",
       with_shield);
     v("waypoints", waypoints,
       "Show the way to a robot that does not get on: points of a path over what the scans have "

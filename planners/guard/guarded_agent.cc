@@ -17,6 +17,7 @@ GuardedAgent::Guard GuardedAgent::MakeGuard() const {
   if (config_.shield) {
     guard.shield.emplace(config_, robot_.model, robot_.scan, robot_.bounds, robot_.step);
   }
+  if (config_.tracking) guard.tracker.emplace(robot_.scan, robot_.step);
   if (config_.waypoints) {
     guard.guide = std::make_unique<Guide>(config_, robot_.guide, robot_.scan, robot_.step);
   }
@@ -42,7 +43,14 @@ void GuardedAgent::Act(const env::ObservationBatch& observations, std::span<floa
     if (guard.intervened) command = *std::exchange(guard.command, std::nullopt);
     if (guard.shield) {
       if (observations.first[i] != 0) guard.shield->Reset();
-      guard.shield->See(observations.frame(i).ranges_cm, observations.odometry[i]);
+      const auto ranges_cm = observations.frame(i).ranges_cm;
+      std::span<const Track> tracks;
+      if (guard.tracker) {
+        if (observations.first[i] != 0) guard.tracker->Reset();
+        guard.tracker->Update(ranges_cm, observations.odometry[i].X_OR);
+        tracks = guard.tracker->tracks();
+      }
+      guard.shield->See(ranges_cm, observations.odometry[i], tracks);
       const Shield::Choice choice = guard.shield->Choose(command);
       guard.intervened = guard.intervened || choice.changed;
       command = choice.command;

@@ -11,6 +11,7 @@
 #include "planners/guard/guard_config.h"
 #include "planners/guard/guide.h"
 #include "planners/guard/shield.h"
+#include "planners/tracking/obstacle_tracker.h"
 
 namespace slalom::planners {
 
@@ -43,6 +44,7 @@ class GuardedAgent : public env::Agent {
  private:
   struct Guard {
     std::optional<Shield> shield;
+    std::optional<ObstacleTracker> tracker;
     std::unique_ptr<Guide> guide;
     std::optional<Twist> command;  // Of the guide, in place of the agent's.
     bool intervened = false;

@@ -28,6 +28,14 @@ constexpr double kSmoothed = 0.02;
 constexpr float kFullMarginSpeed = 0.6f, kLeastMarginShare = 0.25f;
 constexpr float kSlack = 0.005f;  // How much closer a robot may come in a step, [m].
 constexpr float kFar = std::numeric_limits<float>::infinity();
+// Of what moves. A way to escape is held for a while before the robot brakes, and looked at up to
+// the horizon.
+constexpr double kEscapeTime = 0.6, kHorizon = 1.4;  // [s]
+constexpr int kCoarseLinearChoices = 6, kCoarseAngularChoices = 7;
+constexpr double kMovingSpacing = 0.04;  // Of its points, [m].
+constexpr int kHiddenPoints = 8;         // Of a track that is hidden.
+// The margin to it grows by what its speed may be wrong by, and by how it may speed up or turn.
+constexpr float kSpeedError = 0.1f, kAccelerationError = 0.15f;  // [m/s], [m/s^2]
 
 int NumTicks(double time, double step) {
   const double tick = step / std::max(1.0, std::round(step / kTick));
@@ -39,14 +47,54 @@ float Around(const RobotModel& robot) {
                                        0.5 * robot.width + std::abs(robot.centre_y)));
 }
 
-/// The way of a robot at its greatest speed, until it has braked.
-double LongestWay(const RobotModel& robot, double step) {
+/// The way of a robot at its greatest speed for that time, until it has braked.
+double LongestWay(const RobotModel& robot, double time) {
   const double speed = robot.linear_limit;
   const double braking = robot.slips
                              ? std::min(robot.linear_acceleration, robot.friction * kGravity)
                              : robot.linear_acceleration;
-  return speed * (robot.delay + step + 0.5 * speed / braking);
+  return speed * (robot.delay + time + 0.5 * speed / braking);
 }
+
+std::vector<Twist> GridOf(const env::ActionBounds& bounds, int num_linear, int num_angular) {
+  std::vector<Twist> grid;
+  for (int i = 0; i < num_linear; ++i) {
+    for (int j = 0; j < num_angular; ++j) {
+      const env::Action action{2.0f * i / (num_linear - 1) - 1.0f,
+                               2.0f * j / (num_angular - 1) - 1.0f};
+      grid.push_back({bounds.linear_mps(action), bounds.angular_radps(action)});
+    }
+  }
+  return grid;
+}
+
+/// From the outlines of robots to the nearest of some points, [m].
+class Clearance {
+ public:
+  Clearance(const Motion& motion, const RobotModel& robot)
+      : motion_(motion),
+        middle_x_(static_cast<float>(robot.centre_x)),
+        middle_y_(static_cast<float>(robot.centre_y)),
+        half_length_(static_cast<float>(0.5 * robot.length)),
+        half_width_(static_cast<float>(0.5 * robot.width)) {}
+
+  void Add(float x, float y) {
+    const Lanes dx = x - motion_.x, dy = y - motion_.y;
+    const Lanes ahead = (motion_.cos * dx + motion_.sin * dy + middle_x_).abs() - half_length_;
+    const Lanes aside = (motion_.cos * dy - motion_.sin * dx + middle_y_).abs() - half_width_;
+    side_ = side_.min(ahead.max(aside));
+    const Lanes out_ahead = ahead.max(0.0f), out_aside = aside.max(0.0f);
+    square_ = square_.min(out_ahead * out_ahead + out_aside * out_aside);
+  }
+  /// Negative inside; infinite without a point.
+  Lanes Least() const { return (side_ < 0.0f).select(side_, square_.sqrt()); }
+
+ private:
+  const Motion& motion_;
+  const float middle_x_, middle_y_, half_length_, half_width_;  // [m]
+  // To the outline's sides, and the square of the distance outside.
+  Lanes side_ = Lanes::Constant(kFar), square_ = Lanes::Constant(kFar);
+};
 
 /// How many neighbours to each side it takes to bring the noise of a scan down to half a
 /// centimetre. The noise is known by the median of the ranges' second differences, which are small
@@ -78,27 +126,31 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       least_delay_ticks_(std::min(NumTicks(robot.least_delay, step), delay_ticks_)),
       memory_steps_(static_cast<int>(std::lround(config.memory / step))),
       drive_(robot, step / step_ticks_),
-      half_length_(static_cast<float>(0.5 * robot.length)),
-      half_width_(static_cast<float>(0.5 * robot.width)),
+      tick_(step / step_ticks_),
+      escape_ticks_(NumTicks(kEscapeTime, step)),
+      horizon_ticks_(NumTicks(kHorizon, step)),
       around_(Around(robot)),
-      reach_(LongestWay(robot, step) + Around(robot) + config.margin),
+      reach_(LongestWay(robot, step + (config.tracking ? kEscapeTime : 0.0)) + Around(robot) +
+             config.margin),
       kept_(reach_ + kKeptBeyond),
       cos_view_(std::cos(0.5 * geometry.field_of_view)),
       angle_step_(geometry.field_of_view / (geometry.num_beams - 1)),
-      directions_R_(BeamDirections(geometry)) {
-  for (int i = 0; i < kLinearChoices; ++i) {
-    for (int j = 0; j < kAngularChoices; ++j) {
-      const env::Action action{2.0f * i / (kLinearChoices - 1) - 1.0f,
-                               2.0f * j / (kAngularChoices - 1) - 1.0f};
-      grid_.push_back({bounds.linear_mps(action), bounds.angular_radps(action)});
-    }
-  }
+      directions_R_(BeamDirections(geometry)),
+      grid_(GridOf(bounds, kLinearChoices, kAngularChoices)),
+      coarse_grid_(GridOf(bounds, kCoarseLinearChoices, kCoarseAngularChoices)) {
+  const auto ahead = static_cast<float>(bounds.linear_mps({1.0f, 0.0f}));
+  const auto back = static_cast<float>(bounds.linear_mps({-1.0f, 0.0f}));
+  const auto left = static_cast<float>(bounds.angular_radps({0.0f, 1.0f}));
+  // The first brakes; the second is replaced by the command itself.
+  escape_linear_ << 0.0f, 0.0f, ahead, ahead, ahead, back, 0.5f * ahead, 0.5f * ahead;
+  escape_angular_ << 0.0f, 0.0f, 0.0f, 0.5f * left, -0.5f * left, 0.0f, left, -left;
   Reset();
 }
 
 void Shield::Reset() {
   points_.clear();
   near_.clear();
+  moving_.clear();
   sent_.assign(2 + delay_ticks_ / step_ticks_, Twist{});
   now_ = start_ = Motion{};
   promised_ = -kFar;
@@ -124,13 +176,14 @@ void Shield::Drive(int begin, int end, int delay, Motion& motion) const {
   }
 }
 
-void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry) {
+void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry,
+                 std::span<const Track> tracks) {
   SLALOM_CHECK_EQ(ranges_cm.size(), directions_R_.size());
   // Nothing is forgotten while the robot stands: what is behind it is still there.
   moves_ = base::Norm(odometry.X_OR.p - X_OR_.p) > kStands ||
            std::abs(base::WrapAngle(odometry.X_OR.yaw - X_OR_.yaw)) > kStands;
   X_OR_ = odometry.X_OR;
-  LookAround(ranges_cm);
+  LookAround(ranges_cm, tracks);
 
   // What the odometry does not tell is how it was predicted: slip to the side, and the wheels.
   Drive(-step_ticks_, 0, delay_ticks_, now_);
@@ -142,10 +195,11 @@ void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& 
   now_.yaw_rate.setConstant(static_cast<float>(odometry.angular));
 
   start_ = now_;
-  room_ = RoomAt(start_)[0];
+  room_ = RoomAmong(start_, 0)[0];
   for (int tick = 0; tick < delay_ticks_; tick += kTicksPerLook) {
-    Drive(tick, std::min(tick + kTicksPerLook, delay_ticks_), delay_ticks_, start_);
-    room_ = std::min(room_, RoomAt(start_)[0]);
+    const int end = std::min(tick + kTicksPerLook, delay_ticks_);
+    Drive(tick, end, delay_ticks_, start_);
+    room_ = std::min(room_, RoomAmong(start_, end)[0]);
   }
   if (least_delay_ticks_ == delay_ticks_) return;
   early_start_ = now_;
@@ -172,7 +226,11 @@ double Shield::Smoothed(std::span<const std::uint16_t> ranges_cm, int beam, int 
 
 /// Takes the near points of the scan, and keeps those seen before in directions where the range
 /// finder does not look now. Lists those that matter, the nearest first.
-void Shield::LookAround(std::span<const std::uint16_t> ranges_cm) {
+void Shield::LookAround(std::span<const std::uint16_t> ranges_cm, std::span<const Track> tracks) {
+  const int neighbours = NeighboursFor(ranges_cm);
+  is_moving_.assign(ranges_cm.size(), 0);
+  moving_.clear();
+  for (const Track& track : tracks) AddTrack(ranges_cm, track, neighbours);
   near_.clear();
   const base::SinCosResult yaw = base::SinCos(X_OR_.yaw);
   const auto matters = [&](base::Vec2 p_R) {
@@ -192,10 +250,9 @@ void Shield::LookAround(std::span<const std::uint16_t> ranges_cm) {
   });
   const double reach = kept_ + base::Norm(geometry_.p_RS) + around_;
   const int longest = static_cast<int>(100.0 * std::min(reach, geometry_.clip - 0.005));
-  const int neighbours = NeighboursFor(ranges_cm);
   base::Vec2 last{1e9, 1e9};
   for (int i = 0; i < geometry_.num_beams; ++i) {
-    if (ranges_cm[i] > longest) continue;
+    if (ranges_cm[i] > longest || is_moving_[i] != 0) continue;
     const base::Vec2 p_R = geometry_.p_RS + Smoothed(ranges_cm, i, neighbours) * directions_R_[i];
     const base::Vec2 way = p_R - last;
     if (base::Dot(way, way) < kSpacing * kSpacing || !matters(p_R)) continue;
@@ -207,24 +264,64 @@ void Shield::LookAround(std::span<const std::uint16_t> ranges_cm) {
   std::ranges::sort(near_, {}, &NearPoint::distance);
 }
 
+/// Takes the points that show what moves, if it can come near within the horizon; those of a circle
+/// if it is hidden.
+void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& track,
+                      int neighbours) {
+  const base::SinCosResult yaw = base::SinCos(X_OR_.yaw);
+  const base::Vec2 v_R{yaw.cos * track.v_O.x + yaw.sin * track.v_O.y,
+                       yaw.cos * track.v_O.y - yaw.sin * track.v_O.x};
+  const base::Vec2 middle_R = base::InverseTransform(X_OR_, track.p_O);
+  const double way = (robot_.delay + step_ticks_ * tick_ + kHorizon) * base::Norm(v_R);
+  const auto add = [&](base::Vec2 p_R) {
+    const base::Vec2 p_C = p_R - base::Vec2{robot_.centre_x, robot_.centre_y};
+    if (base::Norm(p_C) > reach_ + way) return;
+    moving_.push_back({static_cast<float>(p_C.x), static_cast<float>(p_C.y),
+                       static_cast<float>(v_R.x), static_cast<float>(v_R.y)});
+  };
+  if (track.first_beam == track.end_beam) {
+    for (int k = 0; k < kHiddenPoints; ++k) {
+      const auto [s, c] = base::SinCos(2.0 * base::kPi * k / kHiddenPoints);
+      add(middle_R + track.radius * base::Vec2{c, s});
+    }
+    return;
+  }
+  base::Vec2 last{1e9, 1e9};
+  for (int i = track.first_beam; i < track.end_beam; ++i) {
+    is_moving_[i] = 1;
+    if (0.01 * ranges_cm[i] >= geometry_.clip) continue;
+    const base::Vec2 p_R = geometry_.p_RS + Smoothed(ranges_cm, i, neighbours) * directions_R_[i];
+    if (base::Norm(p_R - last) < kMovingSpacing && i + 1 < track.end_beam) continue;
+    last = p_R;
+    add(p_R);
+  }
+}
+
 /// From the outline to the nearest point, negative inside; infinite if much more than the margin.
 Lanes Shield::RoomAt(const Motion& m) const {
   const float way = std::sqrt((m.x * m.x + m.y * m.y).maxCoeff());
   const float reach = way + around_ + static_cast<float>(config_.margin);
-  const auto middle_x = static_cast<float>(robot_.centre_x);
-  const auto middle_y = static_cast<float>(robot_.centre_y);
-  // To the outline's sides, and the square of the distance outside.
-  Lanes side = Lanes::Constant(kFar), square = Lanes::Constant(kFar);
+  Clearance clearance(m, robot_);
   for (const NearPoint& point : near_) {
     if (point.distance > reach) break;
-    const Lanes dx = point.x - m.x, dy = point.y - m.y;
-    const Lanes ahead = (m.cos * dx + m.sin * dy + middle_x).abs() - half_length_;
-    const Lanes aside = (m.cos * dy - m.sin * dx + middle_y).abs() - half_width_;
-    side = side.min(ahead.max(aside));
-    const Lanes out_ahead = ahead.max(0.0f), out_aside = aside.max(0.0f);
-    square = square.min(out_ahead * out_ahead + out_aside * out_aside);
+    clearance.Add(point.x, point.y);
   }
-  return (side < 0.0f).select(side, square.sqrt());
+  return clearance.Least();
+}
+
+/// From the outline to the nearest point that moves, so many ticks after it was seen, less what
+/// nobody knows of its motion.
+Lanes Shield::RoomToMoving(const Motion& m, int tick) const {
+  const auto time = static_cast<float>(tick * tick_);
+  Clearance clearance(m, robot_);
+  for (const MovingPoint& point : moving_) {
+    clearance.Add(point.x + time * point.vx, point.y + time * point.vy);
+  }
+  return clearance.Least() - time * (kSpeedError + 0.5f * time * kAccelerationError);
+}
+
+Lanes Shield::RoomAmong(const Motion& motion, int tick) const {
+  return RoomAt(motion).min(RoomToMoving(motion, tick));
 }
 
 /// The least room from when the commands begin to act until the robots stand, whether they begin
@@ -253,6 +350,39 @@ Lanes Shield::RoomFrom(Motion motion, int num_ticks, const Lanes& linear,
   return room;
 }
 
+/// The least room of a robot that takes the command for so many ticks and then escapes, a lane for
+/// each way to escape. It acts on the command from tick `begin` on.
+Lanes Shield::RoomOfEscapes(Motion motion, int begin, int num_ticks, const Twist& command) const {
+  Lanes room = Lanes::Constant(kFar);
+  int time = begin;
+  const auto drive = [&](const Lanes& v, const Lanes& w, int ticks) {
+    for (int tick = 0; tick < ticks; ++tick) {
+      drive_.Step(v, w, motion);
+      ++time;
+      if (tick % kTicksPerLook != kTicksPerLook - 1 && tick + 1 != ticks) continue;
+      room = room.min(RoomAmong(motion, time));
+    }
+  };
+  const auto v = static_cast<float>(command.linear), w = static_cast<float>(command.angular);
+  drive(Lanes::Constant(v), Lanes::Constant(w), num_ticks);
+  Lanes linear = escape_linear_, angular = escape_angular_;
+  linear[1] = v;
+  angular[1] = w;
+  drive(linear, angular, escape_ticks_);
+  drive(Lanes::Zero(), Lanes::Zero(), horizon_ticks_ - escape_ticks_);
+  return room;
+}
+
+/// The room that a command leaves by the best way to escape after it.
+float Shield::RoomToEscape(const Twist& command) const {
+  Lanes room = RoomOfEscapes(start_, delay_ticks_, step_ticks_, command);
+  if (least_delay_ticks_ != delay_ticks_) {
+    const int ticks = step_ticks_ + delay_ticks_ - least_delay_ticks_;
+    room = room.min(RoomOfEscapes(early_start_, least_delay_ticks_, ticks, command));
+  }
+  return room.maxCoeff();
+}
+
 /// The part of `guard.margin` that is kept at the speed of a command, or at the robot's if that is
 /// greater, [m].
 float Shield::MarginOf(const Twist& command) const {
@@ -270,7 +400,8 @@ Shield::Choice Shield::Choose(Twist wanted) {
     promised_ = static_cast<float>(std::min(choice.clearance, config_.margin)) - kSlack;
     return choice;
   };
-  if (near_.empty()) return send({wanted, false, kFar});
+  const bool evades = !moving_.empty();
+  if (near_.empty() && !evades) return send({wanted, false, kFar});
   // No closer than the margin or, if the robot is closer already, hardly closer than it is, and
   // than the last command would have brought it: noise gives no leave to come closer.
   const float kept = std::max(room_, promised_);
@@ -290,12 +421,13 @@ Shield::Choice Shield::Choose(Twist wanted) {
   for (const double share : {0.75, 0.5, 0.25, 0.0}) {
     add({share * wanted.linear, share * wanted.angular});
   }
-  for (const Twist& command : grid_) add(command);
+  for (const Twist& command : evades ? coarse_grid_ : grid_) add(command);
 
+  const std::size_t num_together = evades ? 1 : kLanes;
   Choice best{wanted, false, -kFar};
   std::size_t sorted = 0;
-  for (std::size_t begin = 0; begin < choices_.size(); begin += kLanes) {
-    const std::size_t end = std::min(begin + kLanes, choices_.size());
+  for (std::size_t begin = 0; begin < choices_.size(); begin += num_together) {
+    const std::size_t end = std::min(begin + num_together, choices_.size());
     // Mostly the wanted command passes, and the order of the others does not matter.
     if (end > sorted) {
       const auto by_distance = [](const auto& a, const auto& b) { return a.first < b.first; };
@@ -315,7 +447,8 @@ Shield::Choice Shield::Choose(Twist wanted) {
       linear[k] = static_cast<float>(command.linear);
       angular[k] = static_cast<float>(command.angular);
     }
-    const Lanes room = RoomOf(linear, angular);
+    const Lanes room =
+        evades ? Lanes::Constant(RoomToEscape(choices_[begin].second)) : RoomOf(linear, angular);
     for (std::size_t i = begin; i < end; ++i) {
       const float clearance = room[static_cast<Eigen::Index>(i - begin)];
       const Choice choice{choices_[i].second, i > 0, clearance};

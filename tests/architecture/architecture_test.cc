@@ -42,7 +42,7 @@ const std::map<std::string, Names>& Homes() {
       {"mujoco/", {"sim/engines/mujoco"}},
       {"Eigen/",
        {"sim/engines/jackal", "sim/engines/ode", "sim/engines/mujoco", "planners/guard",
-        "planners/localisation", "planners/mppi", "planners/teb"}},
+        "planners/localisation", "planners/mppi", "planners/teb", "planners/tracking"}},
       {"tinyxml2.h", {"sim/courses"}},
       {"cairo", {"sim/pictures"}},
       {"toml++/", {"base"}},

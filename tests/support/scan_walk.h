@@ -22,6 +22,7 @@ namespace slalom::test {
 /// of 0.2 s: a range finder and an odometry as noisy as in configs/real-robot.toml.
 class ScanWalk {
  public:
+  static constexpr double kStep = 0.2;  ///< [s]
   static constexpr sim::LocalisationConfig kDrift = {
       .position_drift = 0.02, .heading_drift = 0.003, .turn_drift = 0.01};
 
@@ -50,18 +51,22 @@ class ScanWalk {
     const base::Pose2& X_WR = poses_W_[step_];
     way_ += base::Norm(X_WR.p - poses_W_[step_ == 0 ? 0 : step_ - 1].p);
     localisation_.Advance(X_WR, 0.0);
-    scene_->moving_obstacles().PlaceAll(0.2 * static_cast<double>(++step_), moving_);
+    ++step_;
+    scene_->moving_obstacles().PlaceAll(time(), moving_);
     lidar_.Scan(scene_->collision_map(), X_WR, noise_, ranges_cm_, &moving_);
     return true;
   }
 
-  double way() const { return way_; }  ///< So far, [m].
+  double way() const { return way_; }                                 ///< So far, [m].
+  double time() const { return kStep * static_cast<double>(step_); }  ///< Of what moves, [s].
+  const sim::Scene& scene() const { return *scene_; }
+  const base::Pose2& pose() const { return poses_W_[step_ - 1]; }  ///< X_WR
   std::span<const std::uint16_t> ranges_cm() const { return ranges_cm_; }
   const base::Pose2& odometry() const { return localisation_.X_OR(); }
   /// Where the robot is in the odometry's frame.
   base::Pose2 truth() const {
     const base::Pose2& start = scene_->course().start;
-    const base::Pose2& X_WR = poses_W_[step_ - 1];
+    const base::Pose2& X_WR = pose();
     return {base::InverseTransform(start, X_WR.p), base::WrapAngle(X_WR.yaw - start.yaw)};
   }
 

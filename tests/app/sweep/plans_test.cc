@@ -64,6 +64,7 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"as-published", 48, {"TD3", "MPC, probabilistic", "TD3, transformer, 8 frames"}},
       {"classical", 4, {"DWA", "TEB", "E-band", "MPPI"}},
       {"guard-original", 6, {"the first command's", "DWA"}},
+      {"tracking", 5, {"the first command's", "MPPI", "DWA"}},
       {"localisation", 7, {"the first command's", "MPPI", "DWA"}},
       {"guard", 9, {"the first command's", "MPPI", "MPPI, far map", "TEB", "DWA"}},
       {"paper/algorithms", 15, {"TD3 / MLP / 1", "SAC / GRU / 4", "DDPG / Transformer / 4"}},

@@ -5,10 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "base/random.h"
+#include "planners/tracking/obstacle_tracker.h"
 #include "sim/lidar.h"
+#include "sim/moving_obstacles.h"
 #include "sim/robot.h"
 #include "tests/support/random_courses.h"
 
@@ -39,22 +44,50 @@ class Guarded {
         shield_(config, {.least_delay = delay, .delay = delay + jitter},
                 {.field_of_view = field_of_view}, kBounds, kStep),
         ranges_(static_cast<std::size_t>(lidar_.num_beams())) {
+    if (config.tracking) tracker_.emplace(ScanGeometry{.field_of_view = field_of_view}, kStep);
     Reset();
   }
   void Reset(std::shared_ptr<const sim::Course> course = nullptr) {
     if (course) scene_ = sim::MakeScene(std::move(course));
     robot_.Reset({});
     shield_.Reset();
+    if (tracker_) tracker_->Reset();
+    time_ = 0.0;
   }
   Shield& See() {
-    lidar_.Scan(scene_->collision_map(), robot_.pose(), noise_, ranges_);
+    scene_->moving_obstacles().PlaceAll(time_, moving_);
+    lidar_.Scan(scene_->collision_map(), robot_.pose(), noise_, ranges_, &moving_);
     const sim::BodyState& body = robot_.body();
     const auto [s, c] = base::SinCos(robot_.pose().yaw);
-    shield_.See(ranges_, {robot_.pose(), c * body.vx + s * body.vy, body.yaw_rate});
+    std::span<const Track> tracks;
+    if (tracker_) {
+      tracker_->Update(ranges_, robot_.pose());
+      tracks = tracker_->tracks();
+    }
+    shield_.See(ranges_, {robot_.pose(), c * body.vx + s * body.vy, body.yaw_rate}, tracks);
     return shield_;
   }
   /// Returns whether it touched something.
-  bool Drive(Twist command) { return robot_.Drive(command.linear, command.angular, *scene_, 0.0); }
+  bool Drive(Twist command) {
+    const double time = std::exchange(time_, time_ + kStep);
+    return robot_.Drive(command.linear, command.angular, *scene_, time);
+  }
+  /// Whether the robot touches something in the next two seconds, if it takes the command for a
+  /// step, however it goes on for 0.6 s before it brakes.
+  bool CannotEscape(Twist command) const {
+    for (int i = 0; i < 35; ++i) {
+      const Twist next = i == 0 ? command : Twist{-1.0 + 0.5 * (i % 7), -3.14 + 1.57 * (i / 7)};
+      sim::Robot other = robot_;
+      double time = time_;
+      bool touched = false;
+      for (int step = 0; step < 10 && !touched; ++step, time += kStep) {
+        const Twist now = step == 0 ? command : step <= 3 ? next : Twist{};
+        touched = other.Drive(now.linear, now.angular, *scene_, time);
+      }
+      if (!touched) return false;
+    }
+    return true;
+  }
   /// Whether the robot touches something if it takes the command for a step and then brakes.
   bool BrakesTooLate(Twist command) const {
     sim::Robot other = robot_;
@@ -77,7 +110,10 @@ class Guarded {
   sim::Lidar lidar_;
   base::Random noise_;
   Shield shield_;
+  std::optional<ObstacleTracker> tracker_;
   std::vector<std::uint16_t> ranges_;
+  sim::MovingShapes moving_;
+  double time_ = 0.0;  // [s]
 };
 
 std::shared_ptr<const sim::Course> CourseOf(std::vector<sim::Box> boxes) {
@@ -201,6 +237,88 @@ TEST(ShieldTest, RemembersWhatIsBehindWhereverItIsAndHoweverLongItStands) {
     for (int i = 0; i < 30; ++i) drive({-0.5, 0.0});
     EXPECT_EQ(touched, c.touches) << c.wall_x << " " << c.memory;
   }
+}
+
+/// Boxes and cylinders on straight ways that cross near the robot within seconds, one after
+/// another.
+std::shared_ptr<const sim::Course> MovingCourse(base::Random& random) {
+  sim::Course course;
+  course.bounds = {{-20.0, -20.0}, {20.0, 20.0}};
+  for (int i = 0; i < 4; ++i) {
+    const double heading = random.Uniform(-3.14, 3.14), speed = random.Uniform(0.5, 1.4);
+    const auto [s, c] = base::SinCos(heading);
+    const base::Vec2 crossing{random.Uniform(-0.4, 0.6), random.Uniform(-0.4, 0.4)};
+    const double time_there = 2.0 + 2.5 * i;
+    // Of a way that takes 20 s; the speed changes slowly along it (sim/courses/motion.h).
+    const base::Vec2 way = (20.0 * speed) * base::Vec2{c, s};
+    const double u = time_there / 20.0, gone = 0.5 * u + 1.5 * u * u - u * u * u;
+    sim::MovingObstacle obstacle;
+    if (i % 2 == 0) {
+      obstacle.radius = random.Uniform(0.15, 0.4);
+    } else {
+      obstacle.half_size = {random.Uniform(0.1, 0.3), random.Uniform(0.1, 0.3)};
+    }
+    const base::Vec2 from = crossing - gone * way;
+    obstacle.key_frames = {{0.0, {from, heading}}, {20.0, {from + way, heading}}};
+    course.moving.push_back(obstacle);
+  }
+  return std::make_shared<const sim::Course>(std::move(course));
+}
+
+/// Robots that are told to stand or to drive at random, until they are touched.
+Drives DriveAmongWhatMoves(bool tracking, int num_courses, double delay = 0.0) {
+  base::Random random(11);
+  Drives drives;
+  for (int i = 0; i < num_courses; ++i) {
+    // It sees all around.
+    Guarded guarded(MovingCourse(random), delay, {.tracking = tracking}, 6.275);
+    Twist wanted;
+    for (int step = 0; step < 50; ++step) {
+      if (i % 2 == 0 && step % 8 == 0) {
+        wanted = {random.Uniform(-0.5, 1.0), random.Uniform(-1.5, 1.5)};
+      }
+      const Shield::Choice choice = guarded.See().Choose(wanted);
+      ++drives.num_steps;
+      drives.num_changed += choice.changed;
+      if (step > 5 && choice.clearance > 0.03) {
+        ++drives.num_passed;
+        drives.num_touched_after_pass += guarded.CannotEscape(choice.command);
+      }
+      if (guarded.Drive(choice.command)) {
+        ++drives.num_touched;
+        break;
+      }
+    }
+  }
+  return drives;
+}
+
+TEST(ShieldTest, EvadesWhatMovesIfItIsTracked) {
+  constexpr int kNumCourses = 40;
+  const Drives blind = DriveAmongWhatMoves(false, kNumCourses);
+  EXPECT_GT(blind.num_touched, kNumCourses / 2) << "the courses are too easy";
+  for (const double delay : {0.0, 0.1}) {
+    const Drives drives = DriveAmongWhatMoves(true, kNumCourses, delay);
+    EXPECT_LT(drives.num_touched, kNumCourses / 4) << delay;
+    EXPECT_GT(drives.num_passed, drives.num_steps / 2) << delay;
+    EXPECT_LT(drives.num_touched_after_pass, drives.num_passed / 200) << delay;
+    EXPECT_LT(drives.num_changed, drives.num_steps / 2) << "it goes on where it may, " << delay;
+  }
+}
+
+TEST(ShieldTest, TracksChangeNothingWhereNothingMovesNear) {
+  const auto course = CourseOf({WallAt(1.2, 0.0, 0.1, 4.0)});
+  Guarded plain(course), tracking(course, 0.0, {.tracking = true});
+  int num_changed = 0;
+  for (int i = 0; i < 30; ++i) {
+    const Twist wanted{0.1 * (i % 20), 0.3 * (i % 7) - 1.0};
+    const Shield::Choice choice = plain.See().Choose(wanted);
+    EXPECT_EQ(tracking.See().Choose(wanted).command, choice.command) << i;
+    num_changed += choice.changed;
+    plain.Drive(choice.command);
+    tracking.Drive(choice.command);
+  }
+  EXPECT_GT(num_changed, 5);
 }
 
 // Whatever it was told and has seen before, wherever the robot ended.
