@@ -1,10 +1,12 @@
 #include <benchmark/benchmark.h>
 
-#include <cmath>
+#include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
 
+#include "planners/guard/shield.h"
 #include "planners/tracking/obstacle_tracker.h"
 #include "sim/courses/course_sets.h"
 #include "tests/support/scan_walk.h"
@@ -49,6 +51,39 @@ void TrackObstacles(benchmark::State& state, const std::string& courses) {
   state.counters["speed_mps"] = errors.speed / errors.num_found;
 }
 
+/// The shield's step besides, for a robot that is told to go on as it walks: `worst_us` is the
+/// longest, and `changed` the share of the steps that end with another command.
+void Evade(benchmark::State& state, const std::string& courses) {
+  const sim::CourseSet set = sim::ResolveCourses(courses, std::nullopt, 1);
+  std::int64_t num_scans = 0, num_changed = 0;
+  double worst = 0.0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    for (const auto& course : set.courses) {
+      test::ScanWalk walk(*course, 1);
+      ObstacleTracker tracker(walk.geometry(), test::ScanWalk::kStep);
+      Shield shield({.shield = true, .tracking = true}, {}, walk.geometry(), {},
+                    test::ScanWalk::kStep);
+      while (walk.Step()) {
+        tracker.Update(walk.ranges_cm(), walk.odometry());
+        state.ResumeTiming();
+        const auto begin = std::chrono::steady_clock::now();
+        shield.See(walk.ranges_cm(), {walk.odometry(), 1.25, 0.0}, tracker.tracks());
+        num_changed += shield.Choose({1.25, 0.0}).changed;
+        const std::chrono::duration<double, std::micro> took =
+            std::chrono::steady_clock::now() - begin;
+        state.PauseTiming();
+        worst = std::max(worst, took.count());
+        ++num_scans;
+      }
+    }
+    state.ResumeTiming();
+  }
+  state.SetItemsProcessed(num_scans);
+  state.counters["worst_us"] = worst;
+  state.counters["changed"] = static_cast<double>(num_changed) / static_cast<double>(num_scans);
+}
+
 BENCHMARK_CAPTURE(TrackObstacles, boxes, "generated-box:4711:20");
 BENCHMARK_CAPTURE(TrackObstacles, walls, "generated-wall:4711:20");
 BENCHMARK_CAPTURE(TrackObstacles, crowds, "generated-crowds:4711:20");
@@ -56,6 +91,10 @@ BENCHMARK_CAPTURE(TrackObstacles, cylinders, "generated-cylinders:4711:20");
 BENCHMARK_CAPTURE(TrackObstacles, static, "generated:4711:20");
 BENCHMARK_CAPTURE(TrackObstacles, rooms, "generated-rooms:4711:20");
 BENCHMARK_CAPTURE(TrackObstacles, halls, "generated-halls:4711:20");
+
+BENCHMARK_CAPTURE(Evade, boxes, "generated-box:4711:20");
+BENCHMARK_CAPTURE(Evade, crowds, "generated-crowds:4711:20");
+BENCHMARK_CAPTURE(Evade, static, "generated:4711:20");
 
 }  // namespace
 }  // namespace slalom::planners

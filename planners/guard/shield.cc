@@ -11,7 +11,8 @@ namespace slalom::planners {
 namespace {
 
 constexpr double kTick = 0.02;       // About the time of a step of the prediction, [s].
-constexpr int kTicksPerLook = 2;     // The outline is held against the points so often.
+constexpr int kTicksPerLook = 2;     // The outline is held against the points so often,
+constexpr int kTicksPerFarLook = 4;  // and on the way to escape.
 constexpr int kLinearChoices = 11;   // Of the commands to fall back on.
 constexpr int kAngularChoices = 13;  // Odd, so that one drives straight ahead.
 constexpr double kKeptBeyond = 2.0;  // Points are kept up to so far beyond those that matter, [m].
@@ -71,14 +72,20 @@ std::vector<Twist> GridOf(const env::ActionBounds& bounds, int num_linear, int n
 /// From the outlines of robots to the nearest of some points, [m].
 class Clearance {
  public:
-  Clearance(const Motion& motion, const RobotModel& robot)
+  /// Points farther than `reach` [m] from all robots may be left out.
+  Clearance(const Motion& motion, const RobotModel& robot, float reach)
       : motion_(motion),
+        min_x_(motion.x.minCoeff() - reach),
+        max_x_(motion.x.maxCoeff() + reach),
+        min_y_(motion.y.minCoeff() - reach),
+        max_y_(motion.y.maxCoeff() + reach),
         middle_x_(static_cast<float>(robot.centre_x)),
         middle_y_(static_cast<float>(robot.centre_y)),
         half_length_(static_cast<float>(0.5 * robot.length)),
         half_width_(static_cast<float>(0.5 * robot.width)) {}
 
   void Add(float x, float y) {
+    if (x < min_x_ || x > max_x_ || y < min_y_ || y > max_y_) return;
     const Lanes dx = x - motion_.x, dy = y - motion_.y;
     const Lanes ahead = (motion_.cos * dx + motion_.sin * dy + middle_x_).abs() - half_length_;
     const Lanes aside = (motion_.cos * dy - motion_.sin * dx + middle_y_).abs() - half_width_;
@@ -91,6 +98,7 @@ class Clearance {
 
  private:
   const Motion& motion_;
+  const float min_x_, max_x_, min_y_, max_y_;                   // [m]
   const float middle_x_, middle_y_, half_length_, half_width_;  // [m]
   // To the outline's sides, and the square of the distance outside.
   Lanes side_ = Lanes::Constant(kFar), square_ = Lanes::Constant(kFar);
@@ -300,10 +308,10 @@ void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& tra
 /// From the outline to the nearest point, negative inside; infinite if much more than the margin.
 Lanes Shield::RoomAt(const Motion& m) const {
   const float way = std::sqrt((m.x * m.x + m.y * m.y).maxCoeff());
-  const float reach = way + around_ + static_cast<float>(config_.margin);
-  Clearance clearance(m, robot_);
+  const float reach = around_ + static_cast<float>(config_.margin);
+  Clearance clearance(m, robot_, reach);
   for (const NearPoint& point : near_) {
-    if (point.distance > reach) break;
+    if (point.distance > way + reach) break;
     clearance.Add(point.x, point.y);
   }
   return clearance.Least();
@@ -313,11 +321,12 @@ Lanes Shield::RoomAt(const Motion& m) const {
 /// nobody knows of its motion.
 Lanes Shield::RoomToMoving(const Motion& m, int tick) const {
   const auto time = static_cast<float>(tick * tick_);
-  Clearance clearance(m, robot_);
+  const float unknown = time * (kSpeedError + 0.5f * time * kAccelerationError);
+  Clearance clearance(m, robot_, around_ + static_cast<float>(config_.margin) + unknown);
   for (const MovingPoint& point : moving_) {
     clearance.Add(point.x + time * point.vx, point.y + time * point.vy);
   }
-  return clearance.Least() - time * (kSpeedError + 0.5f * time * kAccelerationError);
+  return clearance.Least() - unknown;
 }
 
 Lanes Shield::RoomAmong(const Motion& motion, int tick) const {
@@ -351,34 +360,36 @@ Lanes Shield::RoomFrom(Motion motion, int num_ticks, const Lanes& linear,
 }
 
 /// The least room of a robot that takes the command for so many ticks and then escapes, a lane for
-/// each way to escape. It acts on the command from tick `begin` on.
-Lanes Shield::RoomOfEscapes(Motion motion, int begin, int num_ticks, const Twist& command) const {
+/// each way to escape. It acts on the command from tick `begin` on. May end early if none leaves
+/// more than `least`.
+Lanes Shield::RoomOfEscapes(Motion motion, int begin, int num_ticks, const Twist& command,
+                            float least) const {
   Lanes room = Lanes::Constant(kFar);
   int time = begin;
-  const auto drive = [&](const Lanes& v, const Lanes& w, int ticks) {
-    for (int tick = 0; tick < ticks; ++tick) {
+  const auto drive = [&](const Lanes& v, const Lanes& w, int ticks, int ticks_per_look) {
+    for (int tick = 0; tick < ticks && room.maxCoeff() > least; ++tick) {
       drive_.Step(v, w, motion);
       ++time;
-      if (tick % kTicksPerLook != kTicksPerLook - 1 && tick + 1 != ticks) continue;
+      if (tick % ticks_per_look != ticks_per_look - 1 && tick + 1 != ticks) continue;
       room = room.min(RoomAmong(motion, time));
     }
   };
   const auto v = static_cast<float>(command.linear), w = static_cast<float>(command.angular);
-  drive(Lanes::Constant(v), Lanes::Constant(w), num_ticks);
+  drive(Lanes::Constant(v), Lanes::Constant(w), num_ticks, kTicksPerLook);
   Lanes linear = escape_linear_, angular = escape_angular_;
   linear[1] = v;
   angular[1] = w;
-  drive(linear, angular, escape_ticks_);
-  drive(Lanes::Zero(), Lanes::Zero(), horizon_ticks_ - escape_ticks_);
+  drive(linear, angular, escape_ticks_, kTicksPerFarLook);
+  drive(Lanes::Zero(), Lanes::Zero(), horizon_ticks_ - escape_ticks_, kTicksPerFarLook);
   return room;
 }
 
-/// The room that a command leaves by the best way to escape after it.
-float Shield::RoomToEscape(const Twist& command) const {
-  Lanes room = RoomOfEscapes(start_, delay_ticks_, step_ticks_, command);
+/// The room that a command leaves by the best way to escape after it, or at most `least`.
+float Shield::RoomToEscape(const Twist& command, float least) const {
+  Lanes room = RoomOfEscapes(start_, delay_ticks_, step_ticks_, command, least);
   if (least_delay_ticks_ != delay_ticks_) {
     const int ticks = step_ticks_ + delay_ticks_ - least_delay_ticks_;
-    room = room.min(RoomOfEscapes(early_start_, least_delay_ticks_, ticks, command));
+    room = room.min(RoomOfEscapes(early_start_, least_delay_ticks_, ticks, command, least));
   }
   return room.maxCoeff();
 }
@@ -447,8 +458,9 @@ Shield::Choice Shield::Choose(Twist wanted) {
       linear[k] = static_cast<float>(command.linear);
       angular[k] = static_cast<float>(command.angular);
     }
-    const Lanes room =
-        evades ? Lanes::Constant(RoomToEscape(choices_[begin].second)) : RoomOf(linear, angular);
+    const Lanes room = evades
+                           ? Lanes::Constant(RoomToEscape(choices_[begin].second, best.clearance))
+                           : RoomOf(linear, angular);
     for (std::size_t i = begin; i < end; ++i) {
       const float clearance = room[static_cast<Eigen::Index>(i - begin)];
       const Choice choice{choices_[i].second, i > 0, clearance};

@@ -31,7 +31,8 @@ namespace slalom::planners {
 /// The robot is predicted from its odometry and from the commands that it was given, as late as
 /// they may act, and as early. Confined to one thread at a time. Cost: about 25 us a step, and 300
 /// to 550 us where few commands pass (benchmarks/planner_bench.cc); with something that moves
-/// nearby COST. Where delays vary, each command is predicted twice.
+/// nearby 300 us, and some milliseconds where few commands pass (benchmarks/tracking_bench.cc).
+/// Where delays vary, each command is predicted twice.
 class Shield {
  public:
   /// `bounds`: the commands to choose from. `step`: time for which a command is held, [s].
@@ -81,8 +82,9 @@ class Shield {
   Lanes RoomAmong(const Motion& motion, int tick) const;
   Lanes RoomOf(const Lanes& linear, const Lanes& angular) const;
   Lanes RoomFrom(Motion motion, int num_ticks, const Lanes& linear, const Lanes& angular) const;
-  Lanes RoomOfEscapes(Motion motion, int begin, int num_ticks, const Twist& command) const;
-  float RoomToEscape(const Twist& command) const;
+  Lanes RoomOfEscapes(Motion motion, int begin, int num_ticks, const Twist& command,
+                      float least) const;
+  float RoomToEscape(const Twist& command, float least) const;
 
   const GuardConfig config_;
   const RobotModel robot_;
