@@ -1,7 +1,5 @@
 #include "planners/navigation/costmap.h"
 
-#include <cmath>
-
 #include "base/check.h"
 
 namespace slalom::planners {
@@ -12,11 +10,6 @@ Costmap::Costmap(int size_x, int size_y, double resolution, base::Vec2 origin_O)
   SLALOM_CHECK_GE(size_y, 1);
   SLALOM_CHECK(resolution > 0.0);
   costs_.assign(static_cast<std::size_t>(size_x) * static_cast<std::size_t>(size_y), kFreeCost);
-}
-
-CellIndex Costmap::CellAt(base::Vec2 p_O) const {
-  return {static_cast<int>(std::floor((p_O.x - origin_O_.x) / resolution_)),
-          static_cast<int>(std::floor((p_O.y - origin_O_.y) / resolution_))};
 }
 
 base::Vec2 Costmap::CentreOf(CellIndex c) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -20,6 +21,7 @@ struct CellIndex {
   int x = 0;
   int y = 0;
 
+  friend constexpr CellIndex operator+(CellIndex a, CellIndex b) { return {a.x + b.x, a.y + b.y}; }
   friend bool operator==(const CellIndex&, const CellIndex&) = default;
 };
 
@@ -57,7 +59,10 @@ class Costmap {
     return c.x >= 0 && c.y >= 0 && c.x < size_x_ && c.y < size_y_;
   }
   /// Returns the cell that contains the point. It may lie outside the grid.
-  CellIndex CellAt(base::Vec2 p_O) const;
+  CellIndex CellAt(base::Vec2 p_O) const {
+    return {static_cast<int>(std::floor((p_O.x - origin_O_.x) / resolution_)),
+            static_cast<int>(std::floor((p_O.y - origin_O_.y) / resolution_))};
+  }
   /// Centre of a cell, [m].
   base::Vec2 CentreOf(CellIndex c) const;
 

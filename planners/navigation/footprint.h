@@ -38,35 +38,57 @@ struct PaddedFootprint {
   /// Radius of the smallest circle round the centre that contains the outline, [m].
   double circumscribed_radius() const;
   /// Returns the corners in O with the robot at X_OR, counter-clockwise.
-  std::array<base::Vec2, 4> Corners(const base::Pose2& X_OR) const;
+  std::array<base::Vec2, 4> Corners(const base::Pose2& X_OR) const {
+    return Corners(X_OR.p, base::SinCos(X_OR.yaw));
+  }
+  std::array<base::Vec2, 4> Corners(base::Vec2 p_O, base::SinCosResult heading) const;
 };
 
-/// Visits the cells of the line from `a` to `b` by Bresenham's algorithm, up to `num_steps` steps
-/// along the longer axis, that is at most num_steps + 1 cells. `visit(x, y)` returns whether to
-/// continue.
-template <class Visitor>
-void VisitLine(CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
+/// Walks the line from `a` to `b` by Bresenham's algorithm, up to `num_steps` steps along the
+/// longer axis, that is over at most num_steps + 1 cells. `place` is where `a` is, in any terms of
+/// the caller's; a step along x or y towards `b` adds `step_x` or `step_y` to it. `visit(place)`
+/// returns whether to continue.
+template <class Place, class Visitor>
+void WalkLine(CellIndex a, CellIndex b, int num_steps, Place place, Place step_x, Place step_y,
+              Visitor&& visit) {
   const int dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
-  const int step_x = b.x >= a.x ? 1 : -1, step_y = b.y >= a.y ? 1 : -1;
   const bool along_x = dx >= dy;
   const int longer = along_x ? dx : dy, shorter = along_x ? dy : dx;
+  const Place along = along_x ? step_x : step_y, across = along_x ? step_y : step_x;
   int error = longer / 2;
-  CellIndex c = a;
-  for (int i = 0;; ++i) {
-    if (!visit(c.x, c.y) || i >= longer || i >= num_steps) return;
+  for (int left = longer < num_steps ? longer : num_steps; visit(place) && left > 0; --left) {
     error += shorter;
-    (along_x ? c.x : c.y) += along_x ? step_x : step_y;
+    place = place + along;
     if (error >= longer) {
       error -= longer;
-      (along_x ? c.y : c.x) += along_x ? step_y : step_x;
+      place = place + across;
     }
   }
+}
+
+/// Visits the cells of a line as `WalkLine` does, by `visit(cell)`.
+template <class Visitor>
+void VisitLine(CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
+  WalkLine(a, b, num_steps, a, {b.x >= a.x ? 1 : -1, 0}, {0, b.y >= a.y ? 1 : -1}, visit);
+}
+
+/// The same for a line that is wholly on `map`, by `visit(map.Index(cell))`.
+template <class Visitor>
+void VisitLineOn(const Costmap& map, CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
+  const int stride = map.size_x();
+  WalkLine(a, b, num_steps, a.y * stride + a.x, b.x >= a.x ? 1 : -1, b.y >= a.y ? stride : -stride,
+           visit);
 }
 
 /// Returns the highest cost under the outline of the robot at X_OR, or -1 if the outline hits a
 /// lethal or unknown cell or leaves the map. As in ROS's `CostmapModel`, cells inside the outline
 /// do not count. Cost: one look-up per cell of the outline, about 46 by default.
-int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR);
+int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint, base::Vec2 p_O,
+                base::SinCosResult heading);
+inline int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint,
+                       const base::Pose2& X_OR) {
+  return OutlineCost(costmap, footprint, X_OR.p, base::SinCos(X_OR.yaw));
+}
 
 /// Replaces `cells` by the cells under the robot, outline and inside. There are none if the outline
 /// leaves the map.

@@ -111,7 +111,6 @@ void ObstacleMap::Trace(const ScanRays& scan) {
                           sensor.x + reach < costmap_.size_x() &&
                           sensor.y + reach < costmap_.size_y();
   std::uint8_t* const cells = obstacles_.data();
-  const int stride = costmap_.size_x();
   marks_.clear();
   CellIndex last_end{-1, -1};
   for (const ScanRay& ray : scan.rays) {
@@ -126,14 +125,14 @@ void ObstacleMap::Trace(const ScanRays& scan) {
     const double share = length > reach ? reach / length : 1.0;
     const int num_steps = static_cast<int>(share * std::max(dx, dy));
     if (all_inside) {
-      VisitLine(sensor, end, num_steps, [&](int x, int y) {
-        cells[y * stride + x] = kFreeCost;
+      VisitLineOn(costmap_, sensor, end, num_steps, [&](int n) {
+        cells[n] = kFreeCost;
         return true;
       });
     } else {
-      VisitLine(sensor, end, num_steps, [&](int x, int y) {
-        if (!costmap_.Contains({x, y})) return false;
-        cells[y * stride + x] = kFreeCost;
+      VisitLine(sensor, end, num_steps, [&](CellIndex c) {
+        if (!costmap_.Contains(c)) return false;
+        cells[costmap_.Index(c)] = kFreeCost;
         return true;
       });
     }

@@ -19,8 +19,8 @@ constexpr int kWhole = 1 << 30;
 
 std::vector<CellIndex> Line(CellIndex a, CellIndex b, int num_steps = kWhole) {
   std::vector<CellIndex> cells;
-  VisitLine(a, b, num_steps, [&](int x, int y) {
-    cells.push_back({x, y});
+  VisitLine(a, b, num_steps, [&](CellIndex c) {
+    cells.push_back(c);
     return true;
   });
   return cells;
@@ -55,6 +55,22 @@ TEST(VisitLine, FollowsTheClosedForm) {
       EXPECT_EQ(line[i].y, a.y + (b.y >= a.y ? along_y : -along_y));
     }
     EXPECT_EQ(line.back(), b);
+  }
+}
+
+TEST(VisitLine, VisitsTheSameCellsOfAMap) {
+  base::Random random(2);
+  const Costmap map(30, 20, 0.05, {});
+  for (int trial = 0; trial < 500; ++trial) {
+    const auto draw = [&](int size) { return static_cast<int>(random.UniformInt(size)); };
+    const CellIndex a{draw(30), draw(20)}, b{draw(30), draw(20)};
+    std::vector<std::size_t> expected, indices;
+    for (const CellIndex c : Line(a, b, 12)) expected.push_back(map.Index(c));
+    VisitLineOn(map, a, b, 12, [&](int n) {
+      indices.push_back(static_cast<std::size_t>(n));
+      return true;
+    });
+    ASSERT_EQ(indices, expected);
   }
 }
 
