@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
-
-#include "base/check.h"
+#include <span>
+#include <utility>
 
 namespace slalom::planners {
 namespace {
@@ -12,6 +13,35 @@ namespace {
 base::Vec2 OriginFor(const ObstacleMapConfig& config, base::Vec2 centre_O) {
   const double half = 0.5 * config.num_cells * config.resolution;
   return centre_O - base::Vec2{half, half};
+}
+
+/// Costs are brought up to date by squares of this many cells.
+constexpr int kTile = 16;
+
+/// Moves a square grid over the ground by (dx, dy) cells: its cells move the other way. New cells
+/// are free.
+void Shift(int size, int dx, int dy, std::span<std::uint8_t> cells) {
+  const int x0 = std::max(0, dx), x1 = std::min(size, size + dx);  // Stay on the map.
+  const auto row = [&](int y) { return cells.data() + static_cast<std::ptrdiff_t>(y) * size; };
+  for (int i = 0; i < size; ++i) {
+    const int to = dy >= 0 ? i : size - 1 - i;  // No row is written before it was read.
+    const int from = to + dy;
+    if (x0 >= x1 || from < 0 || from >= size) {
+      std::memset(row(to), kFreeCost, static_cast<std::size_t>(size));
+      continue;
+    }
+    std::memmove(row(to) + x0 - dx, row(from) + x0, static_cast<std::size_t>(x1 - x0));
+    std::memset(row(to), kFreeCost, static_cast<std::size_t>(x0 - dx));
+    std::memset(row(to) + x1 - dx, kFreeCost, static_cast<std::size_t>(size - (x1 - dx)));
+  }
+}
+
+/// The cells of a row whose costs are wrong after a move by `d` cells: [0, first) and
+/// [second, size).
+std::pair<int, int> WrongEnds(int size, int d, int reach) {
+  if (d == 0) return {0, size};
+  const int first = std::min(size, d > 0 ? reach : -d);
+  return {first, std::max(first, size - (d > 0 ? d : reach))};
 }
 
 }  // namespace
@@ -32,32 +62,30 @@ void ObstacleMap::Reset(base::Vec2 centre_O) {
 }
 
 CellWindow ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
-  if (config_.rolling) RollTo(X_OR.p);
+  const bool moved = config_.rolling && RollTo(X_OR.p);
   const double radius = config_.raytrace_range + footprint_.circumscribed_radius() +
                         base::Norm(scan.sensor_O - X_OR.p) + 2.0 * config_.resolution;
   const CellWindow window = WindowAround(X_OR.p, radius);
   const auto width = static_cast<std::size_t>(std::max(0, window.x1 - window.x0));
   before_.resize(width * static_cast<std::size_t>(std::max(0, window.y1 - window.y0)));
-  const auto row = [&](int y) {
-    return obstacles_.data() + static_cast<std::size_t>(y) * costmap_.size_x() + window.x0;
-  };
   for (int y = window.y0; y < window.y1; ++y) {
-    std::memcpy(before_.data() + width * (y - window.y0), row(y), width);
+    std::memcpy(before_.data() + width * (y - window.y0),
+                obstacles_.data() + costmap_.Index({window.x0, y}), width);
   }
-
   Take(scan, X_OR);
-  bool changed = stale_;
-  for (int y = window.y0; y < window.y1 && !changed; ++y) {
-    changed = std::memcmp(before_.data() + width * (y - window.y0), row(y), width) != 0;
+  if (stale_) {
+    inflation_.Apply(obstacles_, WholeMap(), costmap_);
+    stale_ = false;
+    return WholeMap();
   }
-  if (!changed) return {};
-  return Write(stale_ ? WholeMap() : window);
+  const CellWindow changed = InflateChanges(window);
+  return moved ? WholeMap() : changed;
 }
 
 void ObstacleMap::Mark(const ScanRays& scan, const base::Pose2& X_OR) {
+  stale_ = true;
   if (config_.rolling) RollTo(X_OR.p);
   Take(scan, X_OR);
-  stale_ = true;
 }
 
 void ObstacleMap::Take(const ScanRays& scan, const base::Pose2& X_OR) {
@@ -80,27 +108,33 @@ CellWindow ObstacleMap::ClearOutside(base::Vec2 p_O, double side) {
       cleared = true;
     }
   }
-  return cleared ? Write(WholeMap()) : CellWindow{};
+  if (!cleared) return {};
+  inflation_.Apply(obstacles_, WholeMap(), costmap_);
+  stale_ = false;
+  return WholeMap();
 }
 
-void ObstacleMap::RollTo(base::Vec2 centre_O) {
+bool ObstacleMap::RollTo(base::Vec2 centre_O) {
   const base::Vec2 origin = costmap_.origin();
   const base::Vec2 wanted = OriginFor(config_, centre_O);
   // As costmap_2d's updateOrigin: by whole cells, rounded towards zero.
   const int dx = static_cast<int>((wanted.x - origin.x) / config_.resolution);
   const int dy = static_cast<int>((wanted.y - origin.y) / config_.resolution);
-  if (dx == 0 && dy == 0) return;
+  if (dx == 0 && dy == 0) return false;
   const int size = config_.num_cells;
-  std::vector<std::uint8_t> moved(obstacles_.size(), kFreeCost);
-  const int x0 = std::max(0, dx), x1 = std::min(size, size + dx);
-  for (int y = std::max(0, dy); y < std::min(size, size + dy) && x0 < x1; ++y) {
-    std::memcpy(moved.data() + static_cast<std::size_t>(y - dy) * size + (x0 - dx),
-                obstacles_.data() + static_cast<std::size_t>(y) * size + x0,
-                static_cast<std::size_t>(x1 - x0));
-  }
-  obstacles_.swap(moved);
   costmap_.set_origin({origin.x + dx * config_.resolution, origin.y + dy * config_.resolution});
-  stale_ = true;
+  Shift(size, dx, dy, obstacles_);
+  if (stale_) return true;
+  Shift(size, dx, dy, costmap_.mutable_costs());
+  // Costs are wrong in cells that are new, and near those that left.
+  const int reach = inflation_.reach();
+  const auto [left, right] = WrongEnds(size, dx, reach);
+  const auto [bottom, top] = WrongEnds(size, dy, reach);
+  inflation_.Apply(obstacles_, {0, 0, left, size}, costmap_);
+  inflation_.Apply(obstacles_, {right, 0, size, size}, costmap_);
+  inflation_.Apply(obstacles_, {left, 0, right, bottom}, costmap_);
+  inflation_.Apply(obstacles_, {left, top, right, size}, costmap_);
+  return true;
 }
 
 void ObstacleMap::Trace(const ScanRays& scan) {
@@ -148,14 +182,42 @@ CellWindow ObstacleMap::WindowAround(base::Vec2 p_O, double radius) const {
           std::clamp(high.y + 1, 0, costmap_.size_y())};
 }
 
-CellWindow ObstacleMap::Write(CellWindow window) {
+/// Brings the costs up to date with the obstacles of `window`, which were `before_`.
+CellWindow ObstacleMap::InflateChanges(const CellWindow& window) {
   const int reach = inflation_.reach();
-  window = {std::max(0, window.x0 - reach), std::max(0, window.y0 - reach),
-            std::min(costmap_.size_x(), window.x1 + reach),
-            std::min(costmap_.size_y(), window.y1 + reach)};
-  inflation_.Apply(obstacles_, window, costmap_);
-  stale_ = false;
-  return window;
+  const int size = config_.num_cells, num_tiles = (size + kTile - 1) / kTile;
+  changed_tiles_.assign(static_cast<std::size_t>(num_tiles) * num_tiles, 0);
+  const int width = window.x1 - window.x0;
+  for (int y = window.y0; y < window.y1; ++y) {
+    const std::uint8_t* const before =
+        before_.data() + static_cast<std::size_t>(width) * (y - window.y0);
+    const std::uint8_t* const now = obstacles_.data() + costmap_.Index({window.x0, y});
+    if (std::memcmp(before, now, static_cast<std::size_t>(width)) == 0) continue;
+    const int y0 = std::max(0, y - reach) / kTile, y1 = std::min(size - 1, y + reach) / kTile;
+    for (int i = 0; i < width; ++i) {
+      if (before[i] == now[i]) continue;
+      const int x = window.x0 + i;
+      const int x0 = std::max(0, x - reach) / kTile, x1 = std::min(size - 1, x + reach) / kTile;
+      for (int tile_y = y0; tile_y <= y1; ++tile_y) {
+        std::fill_n(changed_tiles_.begin() + tile_y * num_tiles + x0, x1 - x0 + 1, 1);
+      }
+    }
+  }
+  CellWindow written;
+  for (int tile_y = 0; tile_y < num_tiles; ++tile_y) {
+    const std::uint8_t* const tiles = changed_tiles_.data() + tile_y * num_tiles;
+    for (int begin = 0; begin < num_tiles; ++begin) {
+      if (tiles[begin] == 0) continue;
+      int end = begin + 1;
+      while (end < num_tiles && tiles[end] != 0) ++end;
+      const CellWindow run{kTile * begin, kTile * tile_y, std::min(size, kTile * end),
+                           std::min(size, kTile * (tile_y + 1))};
+      inflation_.Apply(obstacles_, run, costmap_);
+      written = Union(written, run);
+      begin = end;
+    }
+  }
+  return written;
 }
 
 }  // namespace slalom::planners

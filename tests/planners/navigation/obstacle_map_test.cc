@@ -164,6 +164,19 @@ TEST(ObstacleMap, RollsOverTheGround) {
   EXPECT_EQ(std::count(map.obstacles().begin(), map.obstacles().end(), kLethalCost), 0);
 }
 
+/// A scan of what is at random ranges, with the robot at X_OR.
+ScanRays DrawScan(const base::Pose2& X_OR, base::Random& random) {
+  ScanRays scan;
+  scan.sensor_O = base::Transform(X_OR, {0.12, 0.0});
+  double range = 2.0;
+  for (int beam = 0; beam < 720; ++beam) {
+    if (random.Uniform() < 0.05) range = random.Uniform(0.1, 5.2);
+    const auto [s, c] = base::SinCos(X_OR.yaw - 2.356 + beam * 4.712 / 719);
+    scan.rays.push_back({scan.sensor_O + std::min(range, 5.0) * base::Vec2{c, s}, range < 5.0});
+  }
+  return scan;
+}
+
 /// The rule of the header, beam by beam and cell by cell, on a map that stays.
 class SlowMap {
  public:
@@ -220,14 +233,7 @@ TEST(ObstacleMap, AgreesWithTheSlowRule) {
       // Near the edge too, where beams leave the map.
       const base::Pose2 X_OR{{random.Uniform(-4.5, 4.5), random.Uniform(-4.5, 4.5)},
                              random.Uniform(-3.0, 3.0)};
-      ScanRays scan;
-      scan.sensor_O = base::Transform(X_OR, {0.12, 0.0});
-      double range = 2.0;
-      for (int beam = 0; beam < 720; ++beam) {
-        if (random.Uniform() < 0.05) range = random.Uniform(0.1, 5.2);
-        const auto [s, c] = base::SinCos(X_OR.yaw - 2.356 + beam * 4.712 / 719);
-        scan.rays.push_back({scan.sensor_O + std::min(range, 5.0) * base::Vec2{c, s}, range < 5.0});
-      }
+      const ScanRays scan = DrawScan(X_OR, random);
       fast.Update(scan, X_OR);
       slow.Update(scan, X_OR);
       ASSERT_TRUE(
@@ -238,6 +244,47 @@ TEST(ObstacleMap, AgreesWithTheSlowRule) {
       ASSERT_TRUE(std::equal(inflated.costs().begin(), inflated.costs().end(),
                              fast.costmap().costs().begin()))
           << "step " << step;
+    }
+  }
+}
+
+// Oracle: the costs of all cells, computed from all obstacles.
+TEST(ObstacleMap, CostsAreThoseOfAllItsObstacles) {
+  for (const bool rolling : {false, true}) {
+    for (const auto& [radius, scaling] : {std::pair{0.3, 10.0}, {1.5, 1.0}}) {
+      base::Random random(6);
+      ObstacleMap map({.num_cells = 110,
+                       .rolling = rolling,
+                       .inflation_radius = radius,
+                       .cost_scaling = scaling},
+                      kFootprint);
+      map.Reset({});
+      const Inflation inflation(0.05, 0.265, radius, scaling);
+      base::Pose2 X_OR;
+      for (int step = 0; step < 150; ++step) {
+        // Mostly by a few cells, at times by more than the map is wide.
+        const double most = step % 40 == 39 ? 8.0 : step % 3 == 0 ? 0.4 : 0.06;
+        X_OR.p = X_OR.p + base::Vec2{random.Uniform(-most, most), random.Uniform(-most, most)};
+        if (!rolling && base::Norm(X_OR.p) > 3.0) X_OR.p = {};
+        X_OR.yaw = random.Uniform(-3.0, 3.0);
+        const ScanRays scan = DrawScan(X_OR, random);
+        const Costmap before = map.costmap();
+        CellWindow changed;
+        if (step % 10 == 7) map.Mark(scan, X_OR);
+        if (step % 25 == 12) changed = map.ClearOutside(X_OR.p, 1.5);
+        changed = Union(changed, map.Update(scan, X_OR));
+        Costmap all = map.costmap();
+        inflation.Apply(map.obstacles(), {0, 0, 110, 110}, all);
+        ASSERT_TRUE(std::ranges::equal(all.costs(), map.costmap().costs())) << "step " << step;
+        for (int y = 0; y < 110; ++y) {
+          for (int x = 0; x < 110; ++x) {
+            const bool inside =
+                x >= changed.x0 && x < changed.x1 && y >= changed.y0 && y < changed.y1;
+            ASSERT_TRUE(inside || before.cost({x, y}) == map.costmap().cost({x, y}))
+                << "not reported, step " << step;
+          }
+        }
+      }
     }
   }
 }
