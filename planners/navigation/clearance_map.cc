@@ -1,26 +1,22 @@
 #include "planners/navigation/clearance_map.h"
 
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
 #include "base/check.h"
 #include "base/vector_clones.h"
 
 namespace slalom::planners {
 namespace {
 
-/// nearest[i] = min(nearest[i], row[i] + dy_squared).
+/// nearest[i] = min(nearest[i], row[i]), for each row of a stamp. Rows of the stamp are
+/// `stamp_stride` apart, those of the map `stride`.
 SLALOM_VECTOR_CLONES
-void TakeNearer(const float* row, float dy_squared, int size, float* nearest) {
-  for (int i = 0; i < size; ++i) {
-    const float candidate = row[i] + dy_squared;
-    nearest[i] = candidate < nearest[i] ? candidate : nearest[i];
-  }
-}
-
-/// Takes square roots, in metres, and limits them to `max_distance`.
-SLALOM_VECTOR_CLONES
-void ToMetres(float* squared_cells, int size, float resolution, float max_distance) {
-  for (int i = 0; i < size; ++i) {
-    const float distance = std::sqrt(squared_cells[i]) * resolution;
-    squared_cells[i] = distance < max_distance ? distance : max_distance;
+void TakeNearer(const float* stamp, int stamp_stride, int width, int height, int stride,
+                float* nearest) {
+  for (int y = 0; y < height; ++y, stamp += stamp_stride, nearest += stride) {
+    for (int x = 0; x < width; ++x) nearest[x] = stamp[x] < nearest[x] ? stamp[x] : nearest[x];
   }
 }
 
@@ -35,49 +31,46 @@ void ClearanceMap::Update(const Costmap& costmap, base::Vec2 p_OL) {
   size_y_ = costmap.size_y();
   width_ = static_cast<float>(size_x_);
   height_ = static_cast<float>(size_y_);
-  resolution_ = static_cast<float>(costmap.resolution());
-  cells_per_metre_ = static_cast<float>(1.0 / costmap.resolution());
   origin_x_ = static_cast<float>(costmap.origin().x - p_OL.x);
   origin_y_ = static_cast<float>(costmap.origin().y - p_OL.y);
+  cells_per_metre_ = static_cast<float>(1.0 / costmap.resolution());
+  if (stamp_.empty() || resolution_ != static_cast<float>(costmap.resolution())) {
+    resolution_ = static_cast<float>(costmap.resolution());
+    MakeStamp();
+  }
+  distances_.assign(costmap.costs().size(), max_distance_);
+  const std::uint8_t* const costs = costmap.costs().data();
+  const std::uint8_t* const end = costs + costmap.costs().size();
+  const std::uint8_t* next = costs;
+  while (next < end && (next = static_cast<const std::uint8_t*>(std::memchr(
+                            next, kLethalCost, static_cast<std::size_t>(end - next)))) != nullptr) {
+    const int n = static_cast<int>(next - costs), y = n / size_x_;
+    Stamp({n - y * size_x_, y});
+    ++next;
+  }
+}
+
+/// Computes the distances of the cells around a lethal one.
+void ClearanceMap::MakeStamp() {
   reach_ = static_cast<int>(std::ceil(max_distance_ * cells_per_metre_));
-  MeasureRows(costmap);
-  CombineColumns();
-}
-
-void ClearanceMap::MeasureRows(const Costmap& costmap) {
-  row_distances_.resize(costmap.costs().size());
-  const int far = reach_ + 1;
-  for (int y = 0; y < size_y_; ++y) {
-    const std::uint8_t* const costs = &costmap.costs()[costmap.Index({0, y})];
-    float* const row = &row_distances_[costmap.Index({0, y})];
-    int since = far;
-    for (int x = 0; x < size_x_; ++x) {
-      since = costs[x] == kLethalCost ? 0 : std::min(since + 1, far);
-      row[x] = static_cast<float>(since);
-    }
-    since = far;
-    for (int x = size_x_ - 1; x >= 0; --x) {
-      since = costs[x] == kLethalCost ? 0 : std::min(since + 1, far);
-      const float nearer = std::min(row[x], static_cast<float>(since));
-      row[x] = nearer * nearer;
+  stamp_.clear();
+  for (int dy = -reach_; dy <= reach_; ++dy) {
+    for (int dx = -reach_; dx <= reach_; ++dx) {
+      stamp_.push_back(
+          std::min(std::sqrt(static_cast<float>(dx * dx + dy * dy)) * resolution_, max_distance_));
     }
   }
 }
 
-void ClearanceMap::CombineColumns() {
-  distances_ = row_distances_;
-  const auto row_of = [this](std::vector<float>& rows, int y) {
-    return rows.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(size_x_);
-  };
-  for (int y = 0; y < size_y_; ++y) {
-    float* const nearest = row_of(distances_, y);
-    const int last = std::min(y + reach_, size_y_ - 1);
-    for (int other = std::max(y - reach_, 0); other <= last; ++other) {
-      const auto dy = static_cast<float>(other - y);
-      TakeNearer(row_of(row_distances_, other), dy * dy, size_x_, nearest);
-    }
-    ToMetres(nearest, size_x_, resolution_, max_distance_);
-  }
+/// Takes in a lethal cell.
+void ClearanceMap::Stamp(CellIndex lethal) {
+  const int x0 = std::max(lethal.x - reach_, 0), x1 = std::min(lethal.x + reach_ + 1, size_x_);
+  const int y0 = std::max(lethal.y - reach_, 0), y1 = std::min(lethal.y + reach_ + 1, size_y_);
+  const int side = 2 * reach_ + 1;
+  const std::ptrdiff_t first_of_stamp =
+      static_cast<std::ptrdiff_t>(y0 - lethal.y + reach_) * side + (x0 - lethal.x + reach_);
+  TakeNearer(stamp_.data() + first_of_stamp, side, x1 - x0, y1 - y0, size_x_,
+             distances_.data() + static_cast<std::ptrdiff_t>(y0) * size_x_ + x0);
 }
 
 DiscOutline::DiscOutline(double length, double width) {

@@ -22,7 +22,8 @@ class ClearanceMap {
   explicit ClearanceMap(double max_distance);
 
   /// Reads the lethal cells of `costmap`. Later queries are in L, whose origin is `p_OL` in O.
-  /// Cost: 0.2 ms for 200 x 200 cells and 0.6 m.
+  /// Cost: O(cells + lethal cells * (max_distance / resolution)^2), about 0.05 ms for 200 x 200
+  /// cells, some hundreds of them lethal, and 0.6 m.
   void Update(const Costmap& costmap, base::Vec2 p_OL);
 
   /// Returns the distance [m] of the cell that holds (x, y) in L, or `max_distance()` if that is
@@ -40,8 +41,8 @@ class ClearanceMap {
   float resolution() const { return resolution_; }  ///< Resolution of the last costmap, [m].
 
  private:
-  void MeasureRows(const Costmap& costmap);
-  void CombineColumns();
+  void MakeStamp();
+  void Stamp(CellIndex lethal);
 
   const float max_distance_;
   float origin_x_ = 0.0f, origin_y_ = 0.0f;  // Corner of cell (0, 0) in L, [m].
@@ -50,9 +51,9 @@ class ClearanceMap {
   float width_ = 0.0f, height_ = 0.0f;  // [cells]
   int size_x_ = 0;
   int size_y_ = 0;
-  int reach_ = 0;                     // max_distance, rounded up, [cells].
-  std::vector<float> row_distances_;  // [size_y, size_x] along the row, squared, [cells^2].
-  std::vector<float> distances_;      // [size_y, size_x], [m].
+  int reach_ = 0;                 // max_distance, rounded up, [cells].
+  std::vector<float> stamp_;      // [2 reach + 1, 2 reach + 1] around a lethal cell, [m].
+  std::vector<float> distances_;  // [size_y, size_x], [m].
 };
 
 /// A rectangle centred on the robot, covered by discs: the inscribed circle in the middle and eight
