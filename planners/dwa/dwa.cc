@@ -76,8 +76,8 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
   }
   if (path_cells_.empty()) return false;
   CoveredCells(map, footprint_, view.X_OR, under_robot_);
-  to_path_.Compute(map, under_robot_, path_cells_);
-  to_goal_.Compute(map, {}, std::span(path_cells_).last(1));
+  to_path_.Start(map, under_robot_, path_cells_);
+  to_goal_.Start(map, {}, std::span(path_cells_).last(1));
   return true;
 }
 
@@ -153,7 +153,7 @@ DwaPlanner::Trajectory DwaPlanner::BestOnTheSpot(const LocalView& view, const Wi
     const CellIndex ahead_cell =
         view.costmap.CellAt(base::Transform(trajectory.end, {config_.heading_lookahead, 0.0}));
     if (!view.costmap.Contains(ahead_cell)) continue;
-    const int distance = to_goal_.distance(ahead_cell);
+    const int distance = to_goal_.Distance(ahead_cell);
     if (distance >= nearest) continue;
     nearest = distance;
     best = trajectory;
@@ -171,7 +171,7 @@ DwaPlanner::Trajectory DwaPlanner::BackUp(const LocalView& view) {
   return back;
 }
 
-DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) const {
+DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) {
   Trajectory trajectory;
   trajectory.command = command;
   int highest = 0;
@@ -215,10 +215,10 @@ base::Pose2 DwaPlanner::Simulate(const LocalView& view, Twist command, Visit&& v
   }
 }
 
-std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec2 p_O) const {
+std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec2 p_O) {
   const CellIndex c = costmap.CellAt(p_O);
   if (!costmap.Contains(c)) return std::nullopt;
-  const std::uint16_t path = to_path_.distance(c), goal = to_goal_.distance(c);
+  const std::uint16_t path = to_path_.Distance(c), goal = to_goal_.Distance(c);
   if (path == DistanceGrid::kNoWay || goal == DistanceGrid::kNoWay) return std::nullopt;
   const double scale = config_.meter_scoring ? costmap.resolution() : 1.0;
   return scale * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);

@@ -51,7 +51,7 @@ class DwaPlanner : public LocalPlanner {
   };
 
   /// Simulates and scores one command against the view of the last `ComputeCommand`.
-  Trajectory Score(const LocalView& view, Twist command) const;
+  Trajectory Score(const LocalView& view, Twist command);
 
  private:
   struct Window {
@@ -68,7 +68,7 @@ class DwaPlanner : public LocalPlanner {
   void EndEscape(const LocalView& view);
   template <class Visit>
   base::Pose2 Simulate(const LocalView& view, Twist command, Visit&& visit) const;
-  std::optional<double> DistanceCost(const Costmap& costmap, base::Vec2 p_O) const;
+  std::optional<double> DistanceCost(const Costmap& costmap, base::Vec2 p_O);
 
   const DwaConfig config_;
   const PaddedFootprint footprint_;

@@ -193,8 +193,8 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
     if (base::Norm(p - scene.X_OR.p) > 5.0) break;
   }
   DistanceGrid to_path, to_goal;
-  to_path.Compute(map, under_robot, targets);
-  to_goal.Compute(map, {}, std::span(targets).last(1));
+  to_path.Start(map, under_robot, targets);
+  to_goal.Start(map, {}, std::span(targets).last(1));
 
   base::Pose2 end;
   const auto score = [&](Twist command) {
@@ -212,10 +212,10 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
       const CellIndex c = map.CellAt(X.p);
       const int outline = OutlineCost(map, kFootprint, X);
       if (outline < 0) return -1.0;
-      if (to_path.distance(c) == DistanceGrid::kNoWay) return -2.0;
-      if (to_goal.distance(c) == DistanceGrid::kNoWay) return -2.0;
+      if (to_path.Distance(c) == DistanceGrid::kNoWay) return -2.0;
+      if (to_goal.Distance(c) == DistanceGrid::kNoWay) return -2.0;
       highest = std::max<int>({highest, outline, map.cost(c)});
-      cost = 0.05 * (0.75 * to_path.distance(c) + 1.0 * to_goal.distance(c));
+      cost = 0.05 * (0.75 * to_path.Distance(c) + 1.0 * to_goal.Distance(c));
       v.linear += std::clamp(command.linear - v.linear, -10.0 * dt, 10.0 * dt);
       v.angular += std::clamp(command.angular - v.angular, -20.0 * dt, 20.0 * dt);
       X.p = X.p + (v.linear * dt) * base::Vec2{std::cos(X.yaw), std::sin(X.yaw)};
@@ -250,8 +250,8 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
     if (!(sample > dw || sample < -dw)) continue;
     const CellIndex c =
         map.CellAt(end.p + 0.325 * base::Vec2{std::cos(end.yaw), std::sin(end.yaw)});
-    if (!map.Contains(c) || to_goal.distance(c) >= nearest) continue;
-    nearest = to_goal.distance(c);
+    if (!map.Contains(c) || to_goal.Distance(c) >= nearest) continue;
+    nearest = to_goal.Distance(c);
     best_cost = cost;
     best = {0.0, rate};
   }

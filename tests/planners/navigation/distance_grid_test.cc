@@ -15,17 +15,17 @@ TEST(DistanceGrid, GoesRoundWalls) {
   Fill(map, {2, 0, 3, 3}, kInscribedCost);  // A wall with a way round at the top.
   DistanceGrid grid;
   const std::vector<CellIndex> target = {{3, 0}};
-  grid.Compute(map, {}, target);
-  EXPECT_EQ(grid.distance({3, 0}), 0);
-  EXPECT_EQ(grid.distance({4, 3}), 4);
-  EXPECT_EQ(grid.distance({1, 0}), 8);  // Up 3, left 2, down 3.
-  EXPECT_EQ(grid.distance({2, 1}), DistanceGrid::kNoWay);
+  grid.Start(map, {}, target);
+  EXPECT_EQ(grid.Distance({3, 0}), 0);
+  EXPECT_EQ(grid.Distance({4, 3}), 4);
+  EXPECT_EQ(grid.Distance({1, 0}), 8);  // Up 3, left 2, down 3.
+  EXPECT_EQ(grid.Distance({2, 1}), DistanceGrid::kNoWay);
   const std::vector<CellIndex> under_robot = {{2, 0}};
-  grid.Compute(map, under_robot, target);
-  EXPECT_EQ(grid.distance({1, 0}), 2) << "the robot's own cells let through";
+  grid.Start(map, under_robot, target);
+  EXPECT_EQ(grid.Distance({1, 0}), 2) << "the robot's own cells let through";
   map.set_cost({2, 3}, kLethalCost);
-  grid.Compute(map, {}, target);
-  EXPECT_EQ(grid.distance({1, 0}), DistanceGrid::kNoWay);
+  grid.Start(map, {}, target);
+  EXPECT_EQ(grid.Distance({1, 0}), DistanceGrid::kNoWay);
 }
 
 // Oracle: relaxation until nothing changes.
@@ -41,7 +41,7 @@ TEST(DistanceGrid, AgreesWithRelaxation) {
     }
     targets.push_back(targets[0]);  // Twice the same does no harm.
     DistanceGrid grid;
-    grid.Compute(map, under_robot, targets);
+    grid.Start(map, under_robot, targets);
 
     const int far = DistanceGrid::kNoWay;
     std::vector<int> expected(900, far);
@@ -65,7 +65,7 @@ TEST(DistanceGrid, AgreesWithRelaxation) {
       }
     }
     for (int y = 0; y < 30; ++y) {
-      for (int x = 0; x < 30; ++x) EXPECT_EQ(grid.distance({x, y}), expected[map.Index({x, y})]);
+      for (int x = 0; x < 30; ++x) EXPECT_EQ(grid.Distance({x, y}), expected[map.Index({x, y})]);
     }
   }
 }
