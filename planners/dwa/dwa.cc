@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace slalom::planners {
 namespace {
 
-/// Speed after `dt`, on the way from `now` to `wanted`.
-double Approach(double wanted, double now, double acceleration, double dt) {
-  return wanted >= now ? std::min(wanted, now + acceleration * dt)
-                       : std::max(wanted, now - acceleration * dt);
-}
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -96,39 +93,36 @@ DwaPlanner::Window DwaPlanner::DynamicWindow(const LocalView& view) const {
 DwaPlanner::Trajectory DwaPlanner::BestAhead(const LocalView& view, const Window& window) {
   const double speed_step = (window.max.linear - window.min.linear) / (config_.speed_samples - 1);
   const double turn_step = (window.max.angular - window.min.angular) / (config_.turn_samples - 1);
-  candidates_.clear();
-  const auto add = [&](Twist command) {
-    const base::Pose2 end = Simulate(view, command, [](const base::Pose2&) { return true; });
-    const auto cost = DistanceCost(view.costmap, end.p);
-    if (cost) candidates_.push_back({*cost, command});
-  };
+  commands_.clear();
   for (int i = 0; i < config_.speed_samples; ++i) {
     const double speed = window.min.linear + i * speed_step;
-    add({speed, 0.0});
+    commands_.push_back({speed, 0.0});
     // The last turn rate is left out, as in ROS.
     for (int j = 0; j < config_.turn_samples - 1; ++j) {
-      add({speed, window.min.angular + j * turn_step});
+      commands_.push_back({speed, window.min.angular + j * turn_step});
     }
+  }
+  rollouts_.Simulate(config_, view.X_OR, view.velocity, commands_);
+  candidates_.clear();
+  for (std::size_t i = 0; i < commands_.size(); ++i) {
+    const base::Pose2 end = rollouts_.pose(i, rollouts_.num_poses(i) - 1).X_OR;
+    const auto cost = DistanceCost(view.costmap, end.p);
+    if (cost) candidates_.push_back({*cost, i});
   }
   // The first sample of least cost wins. Outlines are expensive: samples are checked in the order
   // of their other costs, and only while they can still win.
-  const auto num = candidates_.size();
-  order_.resize(num);
-  for (std::size_t i = 0; i < num; ++i) order_[i] = i;
-  std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
-    const double cost_a = candidates_[a].least_cost, cost_b = candidates_[b].least_cost;
-    return cost_a < cost_b || (cost_a == cost_b && a < b);
-  });
+  std::sort(candidates_.begin(), candidates_.end());
   Trajectory best;
-  std::size_t best_index = num;
-  for (const std::size_t i : order_) {
-    if (best.admissible() && candidates_[i].least_cost > best.cost) break;
-    const Trajectory trajectory = Score(view, candidates_[i].command);
+  std::size_t best_index = commands_.size();
+  double limit = kNoLimit;
+  for (const auto& [least_cost, i] : candidates_) {
+    if (least_cost > limit) break;
+    const Trajectory trajectory = ScoreRollout(view, i, limit);
     if (!trajectory.admissible()) continue;
-    if (!best.admissible() || trajectory.cost < best.cost ||
-        (trajectory.cost == best.cost && i < best_index)) {
+    if (trajectory.cost < limit || i < best_index) {
       best = trajectory;
       best_index = i;
+      limit = best.cost;
     }
   }
   return best;
@@ -140,16 +134,22 @@ DwaPlanner::Trajectory DwaPlanner::BestOnTheSpot(const LocalView& view, const Wi
   const double turn_step = (window.max.angular - window.min.angular) / (config_.turn_samples - 1);
   const auto least_cost = DistanceCost(view.costmap, view.X_OR.p);
   if (!least_cost) return best;
-  int nearest = std::numeric_limits<int>::max();  // To the goal, a look ahead after the turn.
+  commands_.clear();
   for (int i = 0; i < config_.turn_samples; ++i) {
     const double sample = window.min.angular + i * turn_step;
     if (std::fabs(sample) <= turn_step) continue;  // Too slow to count as a turn.
     if ((sample > 0.0 && no_left_) || (sample < 0.0 && no_right_)) continue;
-    if (best.admissible() && *least_cost > best.cost) continue;
     const double rate = sample > 0.0 ? std::max(sample, config_.min_turn_rate_in_place)
                                      : std::min(sample, -config_.min_turn_rate_in_place);
-    const Trajectory trajectory = Score(view, {0.0, rate});
-    if (!trajectory.admissible() || (best.admissible() && trajectory.cost > best.cost)) continue;
+    commands_.push_back({0.0, rate});
+  }
+  double limit = best.admissible() ? best.cost : kNoLimit;
+  if (*least_cost > limit) return best;
+  rollouts_.Simulate(config_, view.X_OR, view.velocity, commands_);
+  int nearest = std::numeric_limits<int>::max();  // To the goal, a look ahead after the turn.
+  for (std::size_t i = 0; i < commands_.size() && *least_cost <= limit; ++i) {
+    const Trajectory trajectory = ScoreRollout(view, i, limit);
+    if (!trajectory.admissible()) continue;
     const CellIndex ahead_cell =
         view.costmap.CellAt(base::Transform(trajectory.end, {config_.heading_lookahead, 0.0}));
     if (!view.costmap.Contains(ahead_cell)) continue;
@@ -157,6 +157,7 @@ DwaPlanner::Trajectory DwaPlanner::BestOnTheSpot(const LocalView& view, const Wi
     if (distance >= nearest) continue;
     nearest = distance;
     best = trajectory;
+    limit = best.cost;
   }
   return best;
 }
@@ -172,47 +173,32 @@ DwaPlanner::Trajectory DwaPlanner::BackUp(const LocalView& view) {
 }
 
 DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) {
-  Trajectory trajectory;
-  trajectory.command = command;
-  int highest = 0;
-  double distance_cost = 0.0;
-  bool admissible = true;
-  trajectory.end = Simulate(view, command, [&](const base::Pose2& X_OR) {
-    const int outline = OutlineCost(view.costmap, footprint_, X_OR);
-    if (outline < 0) {
-      trajectory.cost = Trajectory::kHits;
-      return admissible = false;
-    }
-    const auto cost = DistanceCost(view.costmap, X_OR.p);
-    if (!cost) {
-      trajectory.cost = Trajectory::kNoWay;
-      return admissible = false;
-    }
-    distance_cost = *cost;
-    highest = std::max<int>({highest, outline, view.costmap.cost(view.costmap.CellAt(X_OR.p))});
-    return true;
-  });
-  if (admissible) trajectory.cost = distance_cost + config_.obstacle_cost_scale * highest;
-  return trajectory;
+  commands_.assign(1, command);
+  rollouts_.Simulate(config_, view.X_OR, view.velocity, commands_);
+  return ScoreRollout(view, 0, kNoLimit);
 }
 
-template <class Visit>
-base::Pose2 DwaPlanner::Simulate(const LocalView& view, Twist command, Visit&& visit) const {
-  const double poses =
-      std::max(std::fabs(command.linear) * config_.sim_time / config_.sim_granularity,
-               std::fabs(command.angular) / config_.angular_sim_granularity);
-  const int num_poses = std::max(1, static_cast<int>(std::lround(poses)));
-  const double dt = config_.sim_time / num_poses;
-  base::Pose2 X_OR = view.X_OR;
-  Twist velocity = view.velocity;
-  for (int i = 0;; ++i) {
-    if (!visit(X_OR) || i == num_poses - 1) return X_OR;
-    velocity.linear = Approach(command.linear, velocity.linear, config_.acceleration, dt);
-    velocity.angular = Approach(command.angular, velocity.angular, config_.turn_acceleration, dt);
-    const auto [s, c] = base::SinCos(X_OR.yaw);
-    X_OR.p = X_OR.p + (velocity.linear * dt) * base::Vec2{c, s};
-    X_OR.yaw += velocity.angular * dt;
+/// Scores a rollout. If it costs more than `limit`, it may count as one that hits something.
+DwaPlanner::Trajectory DwaPlanner::ScoreRollout(const LocalView& view, std::size_t i,
+                                                double limit) {
+  const int num_poses = rollouts_.num_poses(i);
+  Trajectory trajectory{.command = commands_[i], .end = rollouts_.pose(i, num_poses - 1).X_OR};
+  const double distance_cost = DistanceCost(view.costmap, trajectory.end.p).value_or(0.0);
+  double cost = distance_cost;
+  int highest = 0;
+  for (int k = 0; k < num_poses && cost <= limit; ++k) {
+    const auto [X_OR, heading] = rollouts_.pose(i, k);
+    const int outline = OutlineCost(view.costmap, footprint_, X_OR.p, heading);
+    if (outline < 0) return trajectory;
+    if (!DistanceCost(view.costmap, X_OR.p)) {
+      trajectory.cost = Trajectory::kNoWay;
+      return trajectory;
+    }
+    highest = std::max<int>({highest, outline, view.costmap.cost(view.costmap.CellAt(X_OR.p))});
+    cost = distance_cost + config_.obstacle_cost_scale * highest;
   }
+  if (cost <= limit) trajectory.cost = cost;
+  return trajectory;
 }
 
 std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec2 p_O) {

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/geometry.h"
+#include "planners/dwa/command_rollouts.h"
 #include "planners/dwa/dwa_config.h"
 #include "planners/navigation/distance_grid.h"
 #include "planners/navigation/footprint.h"
@@ -66,21 +69,17 @@ class DwaPlanner : public LocalPlanner {
   void NoteTurn(const LocalView& view, const Trajectory& best);
   void ForgetTurns(const LocalView& view);
   void EndEscape(const LocalView& view);
-  template <class Visit>
-  base::Pose2 Simulate(const LocalView& view, Twist command, Visit&& visit) const;
+  Trajectory ScoreRollout(const LocalView& view, std::size_t i, double limit);
   std::optional<double> DistanceCost(const Costmap& costmap, base::Vec2 p_O);
 
   const DwaConfig config_;
   const PaddedFootprint footprint_;
   DistanceGrid to_path_, to_goal_;
   std::vector<CellIndex> under_robot_, path_cells_;
-  base::Vec2 local_end_O_;  // The last point of the path that is near enough to count.
-  struct Candidate {
-    double least_cost;  // Without the outline's cost.
-    Twist command;
-  };
-  std::vector<Candidate> candidates_;
-  std::vector<std::size_t> order_;  // Indices of the candidates, by least cost.
+  base::Vec2 local_end_O_;       // The last point of the path that is near enough to count.
+  std::vector<Twist> commands_;  // Of the rollouts.
+  CommandRollouts rollouts_;
+  std::vector<std::pair<double, std::size_t>> candidates_;  // Cost without the outline's; command.
 
   // Directions turned on the spot since the robot last moved on, and directions given up: after two
   // turns to one side, the robot may not turn to the other.
