@@ -30,16 +30,14 @@ constexpr float kWorthKeeping = 0.5f;
 constexpr float kMargin = 1000.0f;
 
 /// Cost of crossing a cell of each costmap value; infinite: a wall.
-const std::array<float, 256>& TraversalTable() {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> t;
-    for (int c = 0; c < 256; ++c) {
-      t[c] = c < kInscribedCost ? std::floor(kNeutralCost + kCostFactor * c) : kInfinite;
-    }
-    return t;
-  }();
-  return table;
-}
+constexpr std::array<float, 256> kTraversalCosts = [] {
+  std::array<float, 256> costs;
+  costs.fill(kInfinite);
+  for (int c = 0; c < kInscribedCost; ++c) {
+    costs[c] = static_cast<float>(static_cast<int>(kNeutralCost + kCostFactor * c));
+  }
+  return costs;
+}();
 
 /// navfn's update of a cell that costs `crossing` from its lower neighbour in each direction. Its
 /// quadratic exceeds 1 by 0.005 where only one neighbour counts in the end; cut off there, a cell's
@@ -57,7 +55,6 @@ float PlaneWave(float a, float b, float crossing) {
 const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
                                                    const CellWindow& changed, base::Vec2 start_O,
                                                    base::Vec2 goal_O) {
-  path_O_.clear();
   const CellIndex robot = costmap.CellAt(start_O);
   const CellIndex goal = costmap.CellAt(goal_O);
   const auto at_edge = [&](CellIndex c) {
@@ -66,13 +63,15 @@ const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
   const bool blocked = !(goal == robot) && costmap.cost(goal) >= kInscribedCost;
   if (at_edge(robot) || at_edge(goal) || blocked) {
     valid_ = false;
+    path_O_.clear();
     return path_O_;
   }
-  if (valid_ && costmap.size_x() == size_x_ && costmap.size_y() == size_y_) {
-    TakeIn(costmap, changed, robot, goal);
-  } else {
+  if (!valid_ || costmap.size_x() != size_x_ || costmap.size_y() != size_y_) {
     Begin(costmap, robot, goal);
+  } else if (!TakeIn(costmap, changed, robot, goal) && goal_O == goal_O_) {
+    return path_O_;
   }
+  goal_O_ = goal_O;
   Spread();
   if (potential_[Index(goal_)] < kInfinite && Descend(costmap)) {
     std::reverse(path_O_.begin(), path_O_.end());
@@ -103,7 +102,8 @@ void GlobalPlanner::Begin(const Costmap& costmap, CellIndex robot, CellIndex goa
   valid_ = true;
 }
 
-void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex robot,
+/// Takes in what changed. Returns whether a potential did.
+bool GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex robot,
                            CellIndex goal) {
   changed_.clear();
   lowest_changed_ = kInfinite;
@@ -123,9 +123,11 @@ void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, Ce
   if (before < kInfinite) bound_ = before + kMargin;
   if (!(robot == robot_) || !(goal == goal_) || lowest_changed_ < kWorthKeeping * before) {
     StartAt(robot, goal);
-  } else if (!changed_.empty()) {
-    SpreadAnew();
+    return true;
   }
+  if (lowest_changed_ == kInfinite) return false;
+  SpreadAnew();
+  return true;
 }
 
 /// Forgets all potentials and queues the robot's cell.
@@ -200,7 +202,7 @@ void GlobalPlanner::Spread() {
 /// Lowers the potential of a cell to the value that its neighbours give it. Queues the cell if its
 /// potential fell.
 void GlobalPlanner::Relax(int n) {
-  const float crossing = TraversalTable()[costs_[n]];
+  const float crossing = kTraversalCosts[costs_[n]];
   if (!(crossing < kInfinite)) return;
   const float potential =
       PlaneWave(std::min(potential_[n - 1], potential_[n + 1]),
@@ -232,21 +234,21 @@ void GlobalPlanner::Push(int n) {
   buckets_[bucket].push_back(n);
 }
 
-/// Writes the path from the goal down to the robot.
+/// Writes the path from the goal down to the robot. Returns whether it arrives.
 bool GlobalPlanner::Descend(const Costmap& costmap) {
   path_O_.clear();
+  gradients_.fill({});
   // navfn takes the lower corner of a cell for its position (NavfnROS::mapToWorld).
   const auto position = [&](double x, double y) {
     return costmap.origin() + costmap.resolution() * base::Vec2{x, y};
   };
+  const auto nearest_cell = [](double d) { return d >= 0.5 ? 1 : d <= -0.5 ? -1 : 0; };
   int n = Index(goal_);
   const int robot = Index(robot_);
   double dx = 0.0, dy = 0.0;  // Offset of the path's point from cell n's, [cells].
   const std::size_t max_points = 4 * static_cast<std::size_t>(std::max(size_x_, size_y_));
   while (path_O_.size() < max_points) {
-    const int nearest =
-        n + static_cast<int>(std::lround(dx)) + size_x_ * static_cast<int>(std::lround(dy));
-    if (nearest == robot) {
+    if (n + nearest_cell(dx) + size_x_ * nearest_cell(dy) == robot) {
       path_O_.push_back(position(robot_.x, robot_.y));
       return true;
     }
@@ -276,8 +278,8 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
       dx = dy = 0.0;
       continue;
     }
-    const base::Vec2 g00 = Gradient(n), g10 = Gradient(n + 1);
-    const base::Vec2 g01 = Gradient(n + size_x_), g11 = Gradient(n + size_x_ + 1);
+    const base::Vec2 g00 = GradientAt(n), g10 = GradientAt(n + 1);
+    const base::Vec2 g01 = GradientAt(n + size_x_), g11 = GradientAt(n + size_x_ + 1);
     const base::Vec2 g =
         (1.0 - dy) * ((1.0 - dx) * g00 + dx * g10) + dy * ((1.0 - dx) * g01 + dx * g11);
     const double norm = base::Norm(g);
@@ -292,7 +294,10 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
   return false;
 }
 
-base::Vec2 GlobalPlanner::Gradient(int n) const {
+/// Returns the direction in which the potential rises, of length 1, or 0 if it does not.
+base::Vec2 GlobalPlanner::GradientAt(int n) {
+  KnownGradient& known = gradients_[static_cast<std::size_t>(n) % gradients_.size()];
+  if (known.cell == n) return known.direction;
   const double here = potential_[n];
   const auto slope = [&](int before, int after) {
     double d = 0.0;
@@ -302,7 +307,8 @@ base::Vec2 GlobalPlanner::Gradient(int n) const {
   };
   const base::Vec2 g{slope(n - 1, n + 1), slope(n - size_x_, n + size_x_)};
   const double norm = base::Norm(g);
-  return norm > 0.0 ? (1.0 / norm) * g : g;
+  known = {n, norm > 0.0 ? (1.0 / norm) * g : g};
+  return known.direction;
 }
 
 }  // namespace slalom::planners
