@@ -8,6 +8,7 @@ namespace slalom::planners {
 namespace {
 
 constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+constexpr int kGlanceStep = 8;  // Between the poses that are looked at first.
 
 }  // namespace
 
@@ -117,6 +118,7 @@ DwaPlanner::Trajectory DwaPlanner::BestAhead(const LocalView& view, const Window
   double limit = kNoLimit;
   for (const auto& [least_cost, i] : candidates_) {
     if (least_cost > limit) break;
+    if (!MayCost(view, i, limit)) continue;
     const Trajectory trajectory = ScoreRollout(view, i, limit);
     if (!trajectory.admissible()) continue;
     if (trajectory.cost < limit || i < best_index) {
@@ -148,6 +150,7 @@ DwaPlanner::Trajectory DwaPlanner::BestOnTheSpot(const LocalView& view, const Wi
   rollouts_.Simulate(config_, view.X_OR, view.velocity, commands_);
   int nearest = std::numeric_limits<int>::max();  // To the goal, a look ahead after the turn.
   for (std::size_t i = 0; i < commands_.size() && *least_cost <= limit; ++i) {
+    if (!MayCost(view, i, limit)) continue;
     const Trajectory trajectory = ScoreRollout(view, i, limit);
     if (!trajectory.admissible()) continue;
     const CellIndex ahead_cell =
@@ -176,6 +179,21 @@ DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) {
   commands_.assign(1, command);
   rollouts_.Simulate(config_, view.X_OR, view.velocity, commands_);
   return ScoreRollout(view, 0, kNoLimit);
+}
+
+/// Whether a rollout may be admissible and cost `limit` at most, by a few of its poses, the last
+/// first: most of those that hit something do so far ahead.
+bool DwaPlanner::MayCost(const LocalView& view, std::size_t i, double limit) {
+  const auto distance_cost =
+      DistanceCost(view.costmap, rollouts_.pose(i, rollouts_.num_poses(i) - 1).X_OR.p);
+  if (!distance_cost) return false;
+  for (int k = rollouts_.num_poses(i) - 1; k >= 0; k -= kGlanceStep) {
+    const auto [X_OR, heading] = rollouts_.pose(i, k);
+    const int outline = OutlineCost(view.costmap, footprint_, X_OR.p, heading);
+    if (outline < 0) return false;
+    if (*distance_cost + config_.obstacle_cost_scale * outline > limit) return false;
+  }
+  return true;
 }
 
 /// Scores a rollout. If it costs more than `limit`, it may count as one that hits something.

@@ -69,6 +69,7 @@ class DwaPlanner : public LocalPlanner {
   void NoteTurn(const LocalView& view, const Trajectory& best);
   void ForgetTurns(const LocalView& view);
   void EndEscape(const LocalView& view);
+  bool MayCost(const LocalView& view, std::size_t i, double limit);
   Trajectory ScoreRollout(const LocalView& view, std::size_t i, double limit);
   std::optional<double> DistanceCost(const Costmap& costmap, base::Vec2 p_O);
 
