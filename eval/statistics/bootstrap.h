@@ -69,11 +69,14 @@ std::optional<Estimate> BootstrapRatioDifference(const RatioTables& first,
 Estimate BootstrapDifference(const ScoreTable& first, const ScoreTable& second,
                              const BootstrapOptions& options = {});
 
-/// Estimates `ProbabilityOfImprovement`. Requires: the same courses in the same order.
+/// Estimates the probability that a policy of `first` scores higher than a policy of `second` on
+/// the same course; a draw counts half (Agarwal et al. 2021): the Mann-Whitney statistic over all
+/// pairs of seeds, averaged over courses. Requires: the same courses in the same order.
 Estimate BootstrapProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second,
                                            const BootstrapOptions& options = {});
 
-/// Estimates `PerformanceProfile`. The bands are pointwise: each holds for its own threshold.
+/// Estimates, for each threshold, the share of all scores that lie above it (Agarwal et al. 2021).
+/// The bands are pointwise: each holds for its own threshold.
 /// Requires: thresholds in increasing order.
 std::vector<Estimate> BootstrapProfile(const ScoreTable& table, std::span<const double> thresholds,
                                        const BootstrapOptions& options = {});

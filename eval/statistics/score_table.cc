@@ -48,30 +48,6 @@ double LowestTwentiethMean(const ScoreTable& table) {
   return MeanOf(std::span(all).first((all.size() + 19) / 20));
 }
 
-double ProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second) {
-  CheckTable(first);
-  CheckTable(second);
-  SLALOM_CHECK_EQ(first.num_courses(), second.num_courses());
-  double wins = 0.0;
-  for (const std::vector<double>& a : first.scores) {
-    for (const std::vector<double>& b : second.scores) {
-      for (std::size_t c = 0; c < a.size(); ++c) wins += a[c] > b[c] ? 1.0 : a[c] == b[c] ? 0.5 : 0;
-    }
-  }
-  return wins / static_cast<double>(first.num_seeds() * second.num_seeds() * first.num_courses());
-}
-
-std::vector<double> PerformanceProfile(const ScoreTable& table,
-                                       std::span<const double> thresholds) {
-  const std::vector<double> all = AllScores(table);
-  std::vector<double> shares;
-  for (const double threshold : thresholds) {
-    const auto above = std::ranges::count_if(all, [&](double score) { return score > threshold; });
-    shares.push_back(static_cast<double>(above) / static_cast<double>(all.size()));
-  }
-  return shares;
-}
-
 double AreaUnderCurve(std::span<const double> x, std::span<const double> y) {
   SLALOM_CHECK_EQ(x.size(), y.size());
   SLALOM_CHECK_GE(x.size(), 2u);

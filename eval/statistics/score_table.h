@@ -39,14 +39,6 @@ double InterquartileMean(const ScoreTable& table);
 /// 20) lowest of n.
 double LowestTwentiethMean(const ScoreTable& table);
 
-/// Returns the probability that a policy of `first` scores higher than a policy of `second` on the
-/// same course; a draw counts half (Agarwal et al. 2021): the Mann-Whitney statistic over all pairs
-/// of seeds, averaged over courses. Requires: the same number of courses.
-double ProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second);
-
-/// Returns, for each threshold, the share of all scores that lie above it (Agarwal et al. 2021).
-std::vector<double> PerformanceProfile(const ScoreTable& table, std::span<const double> thresholds);
-
 /// Returns the area under the lines through the points (x[i], y[i]), divided by the range of x: the
 /// mean height of the curve. Meant for success against steps or seconds of training.
 ///
