@@ -72,6 +72,7 @@ StopSignals::StopSignals() : impl_(new Impl) {
     }
     if (impl->received == 0) return;
     impl->source.request_stop();
+    impl->received.notify_all();
     spdlog::info(impl->received == SIGHUP
                      ? "stopping; the terminal is gone"
                      : "stopping; the same signal again ends the program at once");
@@ -94,5 +95,7 @@ StopSignals::~StopSignals() {
 std::stop_token StopSignals::token() const { return impl_->source.get_token(); }
 
 int StopSignals::received() const { return impl_->received; }
+
+void StopSignals::Wait() const { impl_->received.wait(0); }
 
 }  // namespace slalom::cli

@@ -24,6 +24,9 @@ class StopSignals {
   /// Returns the signal that arrived, or 0 if none has.
   int received() const;
 
+  /// Returns once a signal has arrived.
+  void Wait() const;
+
  private:
   struct Impl;
   Impl* const impl_;

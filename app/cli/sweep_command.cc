@@ -106,7 +106,7 @@ int ServeSweep(const sweep::Plan& plan, const sweep::Cells& cells, const fs::pat
                const std::string& address) {
   StopSignals signals;
   const SweepExposer exposer(plan, cells, store, address);
-  RepeatUntilStop(signals.token(), [] {});
+  signals.Wait();
   return base::kExitOk;
 }
 

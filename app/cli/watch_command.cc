@@ -257,20 +257,6 @@ void RequireRuns(const fs::path& root) {
       root.string());
 }
 
-/// Returns once a stop is requested.
-void WaitForStop(const std::stop_token& stop) {
-  base::Mutex mutex;
-  base::CondVar changed;
-  bool stopped = false;
-  const std::stop_callback wake(stop, [&] {
-    const base::MutexLock lock(mutex);
-    stopped = true;
-    changed.NotifyAll();
-  });
-  const base::MutexLock lock(mutex);
-  while (!stopped) changed.Wait(mutex);
-}
-
 void Watch(const WatchOptions& options) {
   const fs::path root = options.run;
   RequireRuns(root);
@@ -293,7 +279,7 @@ void Watch(const WatchOptions& options) {
       });
   fmt::print("watching {} at http://{}:{}/ (Ctrl-C ends)\n", options.run, host, listener.port);
   std::fflush(stdout);
-  WaitForStop(signals.token());
+  signals.Wait();
 }
 
 }  // namespace
