@@ -77,6 +77,19 @@ double MeanOf(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+TrainingFigures MeanOf(const std::vector<TrainingFigures>& trainings) {
+  TrainingFigures means;
+  for (const auto number : {&TrainingFigures::steps, &TrainingFigures::updates,
+                            &TrainingFigures::imagined, &TrainingFigures::training_s}) {
+    std::vector<double> known;
+    for (const TrainingFigures& training : trainings) {
+      if (training.*number) known.push_back(*(training.*number));
+    }
+    if (!known.empty()) means.*number = MeanOf(known);
+  }
+  return means;
+}
+
 /// The highest value that an episode can have.
 double LimitOf(const Result& result, const Quantity& quantity) {
   if (std::isfinite(quantity.limit)) return quantity.limit;
@@ -383,6 +396,8 @@ AgentFigures FiguresOf(const Agent& agent, const BootstrapOptions& options) {
   figures.is_trained = agent.is_trained;
   figures.num_seeds = static_cast<int>(agent.seeds.size());
   figures.num_planned = std::max(agent.num_planned, figures.num_seeds);
+  if (agent.trainings) figures.training = MeanOf(*agent.trainings);
+  figures.published = agent.published;
   for (const Result* seed : agent.seeds) {
     figures.num_courses = static_cast<int>(seed->courses.size());
     for (const ResultCourse& course : seed->courses) {

@@ -54,6 +54,22 @@ std::span<const Quantity> Quantities();
 /// Returns the place in `Quantities` of the quantity of this key; none: there is none.
 std::optional<std::size_t> FindQuantity(std::string_view key);
 
+/// The length of a training, as far as it is known.
+struct TrainingFigures {
+  std::optional<double> steps{};
+  std::optional<double> updates{};
+  std::optional<double> imagined{};  ///< Transitions that a model imagined.
+  std::optional<double> training_s{};
+};
+
+/// A number that was published of an agent, with its standard deviation over runs if that is known.
+struct PublishedNumber {
+  std::size_t quantity = 0;  ///< Place in `Quantities`.
+  std::string source;        ///< Who published it, in words.
+  double value = 0.0;
+  std::optional<double> deviation{};
+};
+
 /// An agent and its evaluations, one for each seed that it was trained with. Keeps pointers to
 /// results that must outlive it.
 struct Agent {
@@ -64,6 +80,8 @@ struct Agent {
   /// Names the policies that drive. Agents of equal names differ in no training, so the verdict on
   /// them is about further courses, as that on two planners. Empty: not known.
   std::string policies{};
+  std::optional<std::vector<TrainingFigures>> trainings{};  ///< Of each seed. None: not shown.
+  std::vector<PublishedNumber> published{};
 };
 
 /// One quantity of one agent.
@@ -85,11 +103,13 @@ struct AgentFigures {
   bool is_trained = true;
   int num_seeds = 0;
   int num_planned = 0;
-  int num_courses = 0;                      ///< 0: no seed.
-  int num_episodes = 0;                     ///< Of all seeds.
-  std::vector<std::string> files;           ///< File of each seed.
-  std::vector<QuantityFigures> quantities;  ///< As `Quantities`.
-  std::vector<Estimate> profile;            ///< As `ProfileThresholds`; empty: no seed.
+  int num_courses = 0;                        ///< 0: no seed.
+  int num_episodes = 0;                       ///< Of all seeds.
+  std::vector<std::string> files;             ///< File of each seed.
+  std::vector<QuantityFigures> quantities;    ///< As `Quantities`.
+  std::vector<Estimate> profile;              ///< As `ProfileThresholds`; empty: no seed.
+  std::optional<TrainingFigures> training{};  ///< Means over the seeds that have the number.
+  std::vector<PublishedNumber> published{};
 
   const QuantityFigures& success() const { return quantities.front(); }
 };

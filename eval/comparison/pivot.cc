@@ -13,6 +13,21 @@
 namespace slalom::eval {
 namespace {
 
+/// The place of a head in its list, which it joins if it is new.
+std::size_t IndexOf(std::vector<std::string>& heads, const std::string& head) {
+  const auto found = std::ranges::find(heads, head);
+  const auto index = static_cast<std::size_t>(found - heads.begin());
+  if (found == heads.end()) heads.push_back(head);
+  return index;
+}
+
+/// A number in the unit in which its quantity is shown.
+PivotNumber Shown(std::optional<double> mean, std::optional<double> deviation, double factor) {
+  if (mean) *mean *= factor;
+  if (deviation) *deviation *= factor;
+  return {mean, deviation};
+}
+
 /// The number in tenths, as it is printed; negative if a low one is better.
 double RankOf(const PivotEntry& entry) {
   const double tenths = std::round(10.0 * *entry.number.mean);
@@ -146,6 +161,26 @@ class Printer {
 };
 
 }  // namespace
+
+void Pivot::Add(const PivotPlace& place, const AgentFigures* agent, std::size_t quantity,
+                std::size_t contest) {
+  PivotEntry entry{.line = IndexOf(lines, place.line), .block = IndexOf(blocks, place.block)};
+  if (place.column) entry.column = IndexOf(columns, *place.column);
+  if (agent == nullptr) return;
+  const Quantity& of = Quantities()[quantity];
+  const QuantityFigures& figures = agent->quantities[quantity];
+  entry.number = Shown(figures.seed_mean(), figures.seed_deviation(), of.factor);
+  for (const PublishedNumber& number : agent->published) {
+    if (number.quantity != quantity) continue;
+    entry.published.emplace_back(number.source, Shown(number.value, number.deviation, of.factor));
+  }
+  if (agent->num_seeds != agent->num_planned) {
+    entry.mark = fmt::format("{}/{}", agent->num_seeds, agent->num_planned);
+  }
+  entry.contest = contest;
+  entry.higher_is_better = of.higher_is_better;
+  entries.push_back(std::move(entry));
+}
 
 void FitToPage(Pivot& pivot) {
   SLALOM_CHECK(pivot.blocks.size() <= 1);

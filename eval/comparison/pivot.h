@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "eval/comparison/comparison.h"
+
 /// Cross tables as papers have them: a number for each line and column.
 
 namespace slalom::eval {
@@ -29,8 +31,20 @@ struct PivotEntry {
   std::vector<std::pair<std::string, PivotNumber>> published{};
 };
 
+/// The heads of a number. No column: the number is of all columns of its block.
+struct PivotPlace {
+  std::string line;
+  std::string block{};
+  std::optional<std::string> column{};
+};
+
 /// A table. Heads without an entry are not printed.
 struct Pivot {
+  /// Adds a quantity of an agent: the mean over its seeds, their deviation, and published numbers.
+  /// Heads join the table in the order in which they come. `agent`: null to add the heads alone.
+  void Add(const PivotPlace& place, const AgentFigures* agent, std::size_t quantity,
+           std::size_t contest);
+
   std::string corner;
   std::vector<std::string> lines{};
   std::vector<std::string> blocks{""};  ///< Each has all columns.

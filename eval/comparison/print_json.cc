@@ -35,11 +35,24 @@ Json JsonOf(const AgentFigures& agent) {
   }
   Json profile = Json::array();
   for (const Estimate& share : agent.profile) profile.push_back(JsonOf(share));
-  return {{"label", agent.label},         {"is_trained", agent.is_trained},
-          {"seeds", agent.num_seeds},     {"planned", agent.num_planned},
-          {"courses", agent.num_courses}, {"episodes", agent.num_episodes},
-          {"files", agent.files},         {"figures", std::move(figures)},
-          {"profile", std::move(profile)}};
+  Json json = {{"label", agent.label},         {"is_trained", agent.is_trained},
+               {"seeds", agent.num_seeds},     {"planned", agent.num_planned},
+               {"courses", agent.num_courses}, {"episodes", agent.num_episodes},
+               {"files", agent.files},         {"figures", std::move(figures)},
+               {"profile", std::move(profile)}};
+  if (agent.training) {
+    json.update({{"steps", JsonOf(agent.training->steps)},
+                 {"updates", JsonOf(agent.training->updates)},
+                 {"imagined", JsonOf(agent.training->imagined)},
+                 {"training_s", JsonOf(agent.training->training_s)}});
+  }
+  for (const PublishedNumber& number : agent.published) {
+    json["published"][std::string(Quantities()[number.quantity].key)].push_back(
+        {{"source", number.source},
+         {"value", number.value},
+         {"deviation", JsonOf(number.deviation)}});
+  }
+  return json;
 }
 
 Json JsonOf(const AgentPair& pair) {

@@ -1,10 +1,25 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iterator>
 
+#include "base/progress.h"
 #include "eval/comparison/printers.h"
 
 namespace slalom::eval {
+namespace {
+
+/// "500k", "500k + 12.5M imagined"
+std::string StepsText(const TrainingFigures& training) {
+  if (!training.steps) return "–";
+  std::string text = base::FormatCount(*training.steps);
+  if (training.imagined) {
+    text += fmt::format(" + {} imagined", base::FormatCount(*training.imagined));
+  }
+  return text;
+}
+
+}  // namespace
 
 const std::string_view kFiguresLegend =
     "In brackets 95 % intervals for further courses of the same kind, by a bootstrap over courses "
@@ -36,6 +51,9 @@ MarkdownTable FiguresTable(std::span<const AgentFigures> agents,
                            std::span<const std::size_t> columns) {
   MarkdownTable table{.titles = {"agent", "seeds", "episodes"}};
   for (const std::size_t q : columns) table.titles.push_back(TitleOf(Quantities()[q]));
+  const bool has_trainings = std::ranges::any_of(
+      agents, [](const AgentFigures& agent) { return agent.training.has_value(); });
+  if (has_trainings) table.titles.insert(table.titles.end(), {"steps", "training"});
   for (const AgentFigures& agent : agents) {
     std::vector<std::string>& row = table.rows.emplace_back();
     row = {EscapeMarkdown(agent.label), SeedsText(agent), fmt::format("{}", agent.num_episodes)};
@@ -43,6 +61,10 @@ MarkdownTable FiguresTable(std::span<const AgentFigures> agents,
       const Quantity& quantity = Quantities()[q];
       row.push_back(EstimateText(agent.quantities[q].estimate, quantity.factor, quantity.digits));
     }
+    if (!has_trainings) continue;
+    const TrainingFigures training = agent.training.value_or(TrainingFigures{});
+    row.push_back(StepsText(training));
+    row.push_back(training.training_s ? base::FormatDuration(*training.training_s) : "–");
   }
   return table;
 }

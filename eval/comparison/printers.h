@@ -19,7 +19,8 @@ std::string TitleOf(const Quantity& quantity, bool is_difference = false);
 /// "3", "**2 of 3**", or "–" for a planner, which has no seeds.
 std::string SeedsText(const AgentFigures& agent);
 
-/// A line for each agent: its label, seeds, episodes, and `columns` with their intervals.
+/// A line for each agent: its label, seeds, episodes, `columns` with their intervals, and steps and
+/// time of the training if an agent has it.
 MarkdownTable FiguresTable(std::span<const AgentFigures> agents,
                            std::span<const std::size_t> columns);
 
@@ -59,7 +60,9 @@ std::string PairsCsv(std::span<const Group> groups);
 nlohmann::json QuantitiesJson();
 
 /// {label, is_trained, seeds, planned, courses, episodes, files, figures: {KEY: {estimate: [value,
-/// low, high], mean, deviation, seeds: [...]}}, profile: [[value, low, high], ...]}
+/// low, high], mean, deviation, seeds: [...]}}, profile: [[value, low, high], ...]}. An agent with
+/// a training has also its {steps, updates, imagined, training_s}, and one with published numbers
+/// {published: {KEY: [{source, value, deviation}, ...]}}.
 nlohmann::json JsonOf(const AgentFigures& agent);
 
 /// {first, second, differences: {KEY: [value, low, high]}, improvement, p, p_corrected, training_p,

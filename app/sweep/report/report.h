@@ -26,7 +26,8 @@ std::vector<eval::Pivot> CrossTables(const ReportContent& content);
 /// Writes the report into `PlanDirectory(store, plan.sweep.name)`, each file atomically:
 ///
 ///     report.html       one page with figures, which opens without a network
-///     report.md         the same tables for people and repositories
+///     report.md         the same tables in Markdown, after the source of the numbers, the cross
+///                       tables and the conclusions; failures, and what is missing
 ///     report.csv        a line for each cell and score
 ///     report-rows.csv   a line for each row and score: means, intervals, deviations
 ///
@@ -50,14 +51,6 @@ std::string CellCsv(const ReportContent& content);
 /// and means of the trainings.
 std::string RowCsv(const ReportContent& content);
 
-/// Returns the report in Markdown: `MarkdownSummary`, conclusions, for each score a table of its
-/// rows and their comparisons, failures, and what is missing.
-std::string MarkdownReport(const ReportContent& content);
-
-/// Returns its part that goes into a page with several reports: the source of the numbers, and the
-/// cross tables.
-std::string MarkdownSummary(const ReportContent& content);
-
 /// Returns a table of the conclusions of several plans: each with its figures and its verdict.
 std::string MarkdownConclusions(std::span<const ReportContent> contents);
 
@@ -65,7 +58,7 @@ std::string MarkdownConclusions(std::span<const ReportContent> contents);
 /// these beginnings, with the name of a plan for NAME:
 ///
 ///     <!-- sweep table NAME -->     the first of `CrossTables`
-///     <!-- sweep summary NAME -->   `MarkdownSummary`
+///     <!-- sweep summary NAME -->   the source of the numbers, and all of `CrossTables`
 ///     <!-- sweep conclusions -->    `MarkdownConclusions` of all plans; with a NAME, of that one
 ///     <!-- end of sweep -->
 ///

@@ -5,14 +5,12 @@
 
 #include <algorithm>
 #include <functional>
-#include <limits>
 #include <map>
 #include <set>
 #include <span>
 
 #include "app/train/resolved_run.h"
 #include "base/progress.h"
-#include "eval/comparison/comparison.h"
 #include "eval/report/table_text.h"
 #include "eval/statistics/bootstrap.h"
 #include "eval/statistics/score_table.h"
@@ -79,8 +77,7 @@ eval::Estimate AreaOf(const std::vector<eval::ScoreTable>& tables,
 /// The curve of one row from its snapshots, by steps. Without points if there are fewer than two.
 LearningCurve CurveOf(const SweepResults& results, std::span<const RowScore> snapshots) {
   const std::vector<std::size_t> cells = WholeCells(results, snapshots);
-  LearningCurve curve{.row = snapshots.front().row,
-                      .num_seeds = static_cast<int>(cells.size()),
+  LearningCurve curve{.num_seeds = static_cast<int>(cells.size()),
                       .num_planned = snapshots.front().num_planned};
   if (cells.empty()) return curve;
   std::vector<std::int64_t> steps;
@@ -121,72 +118,12 @@ std::vector<LearningCurve> LearningCurves(const SweepResults& results, const Sco
   for (std::size_t begin = 0, end = 0; begin < all.size(); begin = end) {
     while (end < all.size() && all[end].row == all[begin].row) ++end;
     LearningCurve curve = CurveOf(results, all.subspan(begin, end - begin));
-    if (!curve.points.empty()) curves.push_back(std::move(curve));
+    if (curve.points.empty()) continue;
+    const auto agent = std::ranges::find(score.rows, all[begin].row, &RowScore::row);
+    curve.agent = static_cast<std::size_t>(agent - score.rows.begin());
+    curves.push_back(std::move(curve));
   }
   return curves;
-}
-
-namespace {
-
-/// The evaluations of a row on a score; null: there are none.
-const RowScore* FindScored(const SweepResults& results, const std::string& row,
-                           const std::string& score) {
-  const auto& scores = results.scores;
-  const auto of_score = std::ranges::find(scores, score, &ScoreResults::name);
-  if (of_score == scores.end()) return nullptr;
-  for (const RowScore& found : of_score->rows) {
-    if (results.rows[found.row].name == row) return found.seeds.empty() ? nullptr : &found;
-  }
-  return nullptr;
-}
-
-ConclusionFigure JudgeRow(const SweepResults& results, const Conclusion& conclusion,
-                          const eval::Quantity& quantity, std::size_t i) {
-  ConclusionFigure figure;
-  figure.row = conclusion.rows[i];
-  const RowScore* row = FindScored(results, figure.row, conclusion.score);
-  if (conclusion.than.empty()) {
-    if (row == nullptr) return figure;
-    figure.estimate = eval::EstimateOf(AgentOf(results, *row), quantity);
-  } else {
-    figure.than = conclusion.than[conclusion.than.size() == 1 ? 0 : i];
-    const RowScore* other = FindScored(results, figure.than, conclusion.other_score());
-    if (row == nullptr || other == nullptr) return figure;
-    figure.estimate =
-        eval::DifferenceOf(AgentOf(results, *row), AgentOf(results, *other), quantity);
-  }
-  figure.verdict = figure.estimate ? Judge(*figure.estimate, conclusion.kind, conclusion.limit)
-                                   : ConclusionVerdict::kCannotTell;
-  return figure;
-}
-
-}  // namespace
-
-ConclusionVerdict Judge(const eval::Estimate& estimate, ConclusionKind kind, double limit) {
-  if (!estimate.interval) return ConclusionVerdict::kCannotTell;
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  const double from = kind == ConclusionKind::kBelow    ? -kInfinity
-                      : kind == ConclusionKind::kWithin ? -limit
-                                                        : limit;
-  const double to = kind == ConclusionKind::kAbove ? kInfinity : limit;
-  const auto [low, high] = *estimate.interval;
-  if (low > from && high < to) return ConclusionVerdict::kHolds;
-  const bool is_elsewhere = low > to || high < from;
-  return is_elsewhere ? ConclusionVerdict::kDoesNotHold : ConclusionVerdict::kCannotTell;
-}
-
-std::vector<JudgedConclusion> JudgeConclusions(const Plan& plan, const SweepResults& results) {
-  std::vector<JudgedConclusion> judged;
-  for (const Conclusion& conclusion : plan.conclusions) {
-    const eval::Quantity& quantity = eval::Quantities()[*eval::FindQuantity(conclusion.quantity)];
-    JudgedConclusion& one = judged.emplace_back();
-    one.conclusion = conclusion;
-    for (std::size_t i = 0; i < conclusion.rows.size(); ++i) {
-      one.figures.push_back(JudgeRow(results, conclusion, quantity, i));
-      one.verdict = std::min(one.verdict, one.figures.back().verdict);
-    }
-  }
-  return judged;
 }
 
 namespace {
@@ -381,39 +318,32 @@ std::string BestOf(const std::vector<eval::AgentFigures>& agents) {
       names.size() == 1 ? "" : "s", fmt::join(names, "; "), text(best), scored.size());
 }
 
-/// Mean of a number of the row's seeds, over those that have it.
-template <class Number>
-std::optional<double> MeanOf(const RowScore& row, Number number) {
-  double sum = 0.0;
-  int count = 0;
-  for (const CellScore& seed : row.seeds) {
-    const std::optional<double> of_seed = number(seed.cell);
-    sum += of_seed.value_or(0.0);
-    count += of_seed.has_value();
+/// The training of a cell, until the snapshot if the row is of one.
+eval::TrainingFigures TrainingOf(const SweepResults& results, const RowScore& row,
+                                 std::size_t cell) {
+  if (row.snapshot_steps > 0) {
+    const auto seconds = results.snapshot_seconds.find({cell, row.snapshot_steps});
+    const bool is_known = seconds != results.snapshot_seconds.end();
+    return {.steps = row.snapshot_steps,
+            .training_s = is_known ? std::optional(seconds->second) : std::nullopt};
   }
-  return count > 0 ? std::optional(sum / count) : std::nullopt;
+  const std::optional<TrainedCell>& trained = results.statuses[cell].trained;
+  if (!trained) return {};
+  const train::PolicyFigures total = trained->total();
+  return {.steps = total.steps,
+          .updates = total.updates,
+          .imagined = trained->imagined,
+          .training_s = total.training_s};
 }
 
-TrainingFigures TrainingOf(const SweepResults& results, const RowScore& row) {
-  using Number = std::optional<double>;
-  if (row.snapshot_steps > 0) {
-    const auto seconds = [&](std::size_t cell) {
-      const auto found = results.snapshot_seconds.find({cell, row.snapshot_steps});
-      return found == results.snapshot_seconds.end() ? Number() : Number(found->second);
-    };
-    const auto steps = [&](std::size_t) { return Number(row.snapshot_steps); };
-    return {.steps = MeanOf(row, steps), .training_s = MeanOf(row, seconds)};
+/// `AgentOf`, with its trainings.
+eval::Agent TrainedAgentOf(const SweepResults& results, const RowScore& row) {
+  eval::Agent agent = AgentOf(results, row);
+  agent.trainings.emplace();
+  for (const CellScore& seed : row.seeds) {
+    agent.trainings->push_back(TrainingOf(results, row, seed.cell));
   }
-  const auto mean = [&](auto number) {
-    return MeanOf(row, [&](std::size_t cell) {
-      const std::optional<TrainedCell>& trained = results.statuses[cell].trained;
-      return trained ? Number(number(*trained)) : Number();
-    });
-  };
-  return {.steps = mean([](const TrainedCell& cell) { return cell.total().steps; }),
-          .updates = mean([](const TrainedCell& cell) { return cell.total().updates; }),
-          .imagined = mean([](const TrainedCell& cell) { return Number(cell.imagined); }),
-          .training_s = mean([](const TrainedCell& cell) { return cell.total().training_s; })};
+  return agent;
 }
 
 /// The quantities of the tables.
@@ -427,13 +357,33 @@ std::vector<std::size_t> Columns() {
   return columns;
 }
 
-ScoreContent MakeScore(const Cells& cells, const SweepResults& results, const ScoreResults& score,
-                       const std::string& courses) {
-  ScoreContent content{.name = score.name, .label = score.label, .courses = courses};
+/// The numbers that the plan has of a row, in its order.
+std::vector<eval::PublishedNumber> PublishedOf(const Plan& plan, const std::string& score,
+                                               const std::string& row) {
+  std::vector<eval::PublishedNumber> published;
+  for (const Reference& reference : plan.references) {
+    if (reference.score != score) continue;
+    for (std::size_t i = 0; i < reference.rows.size(); ++i) {
+      if (reference.rows[i] != row) continue;
+      const double deviation = reference.deviations.empty() ? 0.0 : reference.deviations[i];
+      published.push_back({*eval::FindQuantity(reference.quantity), reference.source,
+                           reference.values[i],
+                           deviation > 0.0 ? std::optional(deviation) : std::nullopt});
+    }
+  }
+  return published;
+}
+
+ScoreContent MakeScore(const Plan& plan, const Cells& cells, const SweepResults& results,
+                       std::size_t place) {
+  const ScoreResults& score = results.scores[place];
+  ScoreContent content{
+      .name = score.name, .label = score.label, .courses = plan.scores[place].courses};
   std::vector<eval::Agent> agents;
   for (const RowScore& row : score.rows) {
-    agents.push_back(AgentOf(results, row));
-    content.rows.push_back({row.row, 0, TrainingOf(results, row)});
+    eval::Agent& agent = agents.emplace_back(TrainedAgentOf(results, row));
+    agent.published = PublishedOf(plan, score.name, results.rows[row.row].name);
+    content.rows.push_back(row.row);
   }
   eval::CompareOptions options;
   options.columns = {0};  // Pairs are compared by success alone.
@@ -443,49 +393,17 @@ ScoreContent MakeScore(const Cells& cells, const SweepResults& results, const Sc
     if (!text.empty()) content.group.notes.push_back(std::move(text));
   };
   if (!cells.axis_names.empty()) note(BestOf(content.group.agents));
-  if (courses != "training") note(OverlapOf(results, score));
+  if (content.courses != "training") note(OverlapOf(results, score));
   for (const RowScore& row : score.snapshots) {
-    eval::Agent agent = AgentOf(results, row);
+    eval::Agent agent = TrainedAgentOf(results, row);
     agent.label += row.snapshot_steps > 0
                        ? fmt::format(", after {} steps", base::FormatCount(row.snapshot_steps))
                        : ", at the end";
     content.snapshots.push_back(eval::FiguresOf(agent));
-    content.snapshot_rows.push_back({row.row, row.snapshot_steps, TrainingOf(results, row)});
+    content.snapshot_rows.push_back({row.row, row.snapshot_steps});
   }
   content.curves = LearningCurves(results, score);
   return content;
-}
-
-}  // namespace
-
-ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& store) {
-  ReportContent content{plan, cells, CollectResults(plan, cells, store), {}, {}, {}, {}, {}};
-  content.title = fmt::format(
-      "{} ({})", plan.sweep.title.empty() ? plan.sweep.name : plan.sweep.title, TaskOf(cells));
-  content.provenance = ProvenanceOf(plan, cells, content.results);
-  content.warnings = WarningsOf(plan, content.results);
-  for (std::size_t s = 0; s < plan.scores.size(); ++s) {
-    content.scores.push_back(
-        MakeScore(cells, content.results, content.results.scores[s], plan.scores[s].courses));
-  }
-  content.conclusions = JudgeConclusions(plan, content.results);
-  return content;
-}
-
-std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
-                                     const std::string& row, const eval::Quantity& quantity) {
-  std::vector<Published> published;
-  for (const Reference& reference : plan.references) {
-    if (reference.score != score || reference.quantity != quantity.key) continue;
-    for (std::size_t i = 0; i < reference.rows.size(); ++i) {
-      if (reference.rows[i] != row) continue;
-      eval::PivotNumber number{.mean = reference.values[i]};
-      const auto& deviations = reference.deviations;
-      if (!deviations.empty() && deviations[i] > 0.0) number.deviation = deviations[i];
-      published.emplace_back(reference.source, number);
-    }
-  }
-  return published;
 }
 
 std::string Describe(const MissingScore& missing, const Cells& cells) {
@@ -495,6 +413,24 @@ std::string Describe(const MissingScore& missing, const Cells& cells) {
   }
   return fmt::format("{}, {}{}: {}", cells.cells[missing.cell].name(), missing.score, snapshot,
                      missing.why);
+}
+
+}  // namespace
+
+ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& store) {
+  ReportContent content{plan, cells, CollectResults(plan, cells, store), {}, {}, {}, {}, {}, {}};
+  content.title = fmt::format(
+      "{} ({})", plan.sweep.title.empty() ? plan.sweep.name : plan.sweep.title, TaskOf(cells));
+  content.provenance = ProvenanceOf(plan, cells, content.results);
+  content.warnings = WarningsOf(plan, content.results);
+  for (std::size_t s = 0; s < plan.scores.size(); ++s) {
+    content.scores.push_back(MakeScore(plan, cells, content.results, s));
+  }
+  content.conclusions = JudgeConclusions(plan, content.results);
+  for (const MissingScore& missing : content.results.missing) {
+    content.missing.push_back(Describe(missing, cells));
+  }
+  return content;
 }
 
 }  // namespace slalom::sweep

@@ -97,38 +97,14 @@ Fields TrainingFields(const std::optional<TrainedCell>& trained) {
 
 // ---- The page
 
-/// Adds what only a sweep knows to the JSON of a score's agents.
-void AddRows(const ReportContent& content, const ScoreContent& score, Json& agents) {
-  for (std::size_t i = 0; i < score.rows.size(); ++i) {
-    const Row& row = content.results.rows[score.rows[i].row];
-    const TrainingFigures& training = score.rows[i].training;
-    Json published = Json::object();
-    for (const eval::Quantity& quantity : eval::Quantities()) {
-      Json& list = published[std::string(quantity.key)] = Json::array();
-      for (const auto& [source, number] :
-           FindPublished(content.plan, score.name, row.name, quantity)) {
-        list.push_back(
-            {{"source", source}, {"value", *number.mean}, {"deviation", JsonOf(number.deviation)}});
-      }
-    }
-    agents[i].update({{"row", score.rows[i].row},
-                      {"labels", row.labels},
-                      {"steps", JsonOf(training.steps)},
-                      {"imagined", JsonOf(training.imagined)},
-                      {"training_s", JsonOf(training.training_s)},
-                      {"published", std::move(published)}});
-  }
-}
-
-Json CurveJson(const ReportContent& content, const LearningCurve& curve) {
+Json CurveJson(const LearningCurve& curve) {
   Json points = Json::array();
   for (const LearningCurve::Point& point : curve.points) {
     points.push_back({{"steps", point.steps},
                       {"seconds", JsonOf(point.seconds)},
                       {"success", JsonOf(point.success)}});
   }
-  return {{"row", curve.row},
-          {"label", content.results.rows[curve.row].title},
+  return {{"agent", curve.agent},
           {"seeds", curve.num_seeds},
           {"planned", curve.num_planned},
           {"points", std::move(points)},
@@ -142,10 +118,11 @@ Json ScoreJson(const ReportContent& content, const ScoreContent& score) {
                {"courses", score.courses},
                {"group", JsonOf(score.group)},
                {"curves", Json::array()}};
-  AddRows(content, score, json["group"]["agents"]);
-  for (const LearningCurve& curve : score.curves) {
-    json["curves"].push_back(CurveJson(content, curve));
+  for (std::size_t i = 0; i < score.rows.size(); ++i) {
+    json["group"]["agents"][i].update(
+        {{"row", score.rows[i]}, {"labels", content.results.rows[score.rows[i]].labels}});
   }
+  for (const LearningCurve& curve : score.curves) json["curves"].push_back(CurveJson(curve));
   return json;
 }
 
@@ -179,15 +156,17 @@ std::string RowCsv(const ReportContent& content) {
   std::string text = fmt::format("{},score,snapshot_steps,{},steps,updates,imagined,training_s\n",
                                  LabelHead(content.cells), eval::FiguresCsvHead());
   for (const ScoreContent& score : content.scores) {
-    const auto add = [&](const AgentRow& row, const eval::AgentFigures& agent) {
-      const TrainingFigures& training = row.training;
+    const auto add = [&](const SnapshotRow& row, const eval::AgentFigures& agent) {
+      const eval::TrainingFigures& training = *agent.training;
       text += fmt::format(
           "{},{},{},{},{},{},{},{}\n", LabelFields(content.results.rows[row.row], content.cells),
           eval::CsvField(score.name), StepsField(row.steps), eval::FiguresCsvFields(agent),
           Field(training.steps), Field(training.updates), Field(training.imagined),
           Field(training.training_s));
     };
-    for (std::size_t i = 0; i < score.rows.size(); ++i) add(score.rows[i], score.group.agents[i]);
+    for (std::size_t i = 0; i < score.rows.size(); ++i) {
+      add({score.rows[i]}, score.group.agents[i]);
+    }
     for (std::size_t i = 0; i < score.snapshots.size(); ++i) {
       if (score.snapshot_rows[i].steps > 0) add(score.snapshot_rows[i], score.snapshots[i]);
     }
@@ -202,7 +181,7 @@ std::string SweepPage(const ReportContent& content) {
                {"axes", content.cells.axis_names},
                {"scores", Json::array()},
                {"quantities", eval::QuantitiesJson()},
-               {"missing", Json::array()},
+               {"missing", content.missing},
                {"failures", Json::array()},
                {"thresholds", eval::ProfileThresholds()}};
   for (const ScoreContent& score : content.scores) {
@@ -215,9 +194,6 @@ std::string SweepPage(const ReportContent& content) {
                                 {"id", content.cells.cells[c].id},
                                 {"what", status.failure->what},
                                 {"log", status.failure->log}});
-  }
-  for (const MissingScore& missing : content.results.missing) {
-    data["missing"].push_back(Describe(missing, content.cells));
   }
   return eval::FillPage(kSweepPage, eval::JsonForPage(data));
 }

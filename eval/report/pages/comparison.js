@@ -23,23 +23,34 @@ function drawWhisker(estimate, seeds, factor, full, colour) {
   return drawing;
 }
 
-// A table with a line for each agent. `name(agent, i)`: nodes of its first cell; `colour(i)`; `more`: further columns,
-// {title, cell: (agent, i) => td}; `extend(cell, agent, i, key)`: adds to the cell of a figure.
-function figuresTable(columns, agents, {head = 'Agent', name, colour, attributes = () => ({}), more = [], extend = () => {}}) {
+// The published numbers of a quantity of an agent: {source, value, deviation}.
+function publishedOf({published}, key) {
+  return (published && published[key]) || [];
+}
+
+function trainingCell({steps, imagined, training_s: seconds}) {
+  return element('td', {'data-title': 'Training'}, `${count(steps)} steps`, ...(isKnown(imagined) ?
+    [element('span', {class: 'sub'}, `+ ${count(imagined)} imagined`)] : []), element('span', {class: 'sub'}, duration(seconds)));
+}
+
+// A table with a line for each agent. `name(agent, i)`: nodes of its first cell; `colour(i)`.
+function figuresTable(columns, agents, {head = 'Agent', name, colour, attributes = () => ({})}) {
   const shown = columns.filter(({key}) => agents.some((agent) => agent.figures[key].estimate !== null));
   // Where a strip ends: at the largest value that there can be, or else at the highest of the column.
   const fullOf = ({key, factor, limit}) => (limit !== null ? factor * limit : Math.max(1e-9, ...agents
     .flatMap((agent) => [...(agent.figures[key].estimate || []), ...agent.figures[key].seeds]).map((number) => factor * number)));
+  const hasTraining = agents.some((agent) => agent.steps !== undefined);
   const titles = [head, ...shown.map((quantity) => element('span', {}, figureTitle(quantity),
-    element('span', {class: 'sub'}, `strips 0 – ${Number(fullOf(quantity).toPrecision(3))}`))), ...more.map(({title}) => title)];
+    element('span', {class: 'sub'}, `strips 0 – ${Number(fullOf(quantity).toPrecision(3))}`))), ...(hasTraining ? ['Training'] : [])];
   const rows = agents.map((agent, i) => element('tr', {}, element('td', {class: 'agent', title: agent.label, 'data-title': head}, ...name(agent, i)),
     ...shown.map((quantity) => {
       const {estimate, seeds} = agent.figures[quantity.key];
       const cell = figureCell(quantity, estimate, attributes(i));
       if (estimate !== null) cell.append(drawWhisker(estimate, seeds, quantity.factor, fullOf(quantity), colour(i)));
-      extend(cell, agent, i, quantity);
+      cell.append(...publishedOf(agent, quantity.key).map((number) => element('span', {class: 'sub'}, `${number.source}: `,
+        element('span', {class: 'published-value'}, publishedText(number, quantity.factor)))));
       return cell;
-    }), ...more.map(({cell}) => cell(agent, i))));
+    }), ...(hasTraining ? [trainingCell(agent)] : [])));
   return tableParts(titles, rows);
 }
 

@@ -93,14 +93,15 @@ TEST(SweepContentTest, AScoreHasTheFiguresOfItsRowsAndTheirTrainings) {
   ASSERT_EQ(score.group.agents.size(), 3u);
   EXPECT_NEAR(score.group.agents[0].success().estimate->value, 0.6, 1e-12);
   EXPECT_FALSE(score.group.agents[2].success().estimate);
-  EXPECT_NEAR(*score.rows[0].training.training_s, 50.0, 1e-9);  // 40, 50 and 60.
-  EXPECT_EQ(score.rows[2].training.steps, std::nullopt);
+  EXPECT_NEAR(*score.group.agents[0].training->training_s, 50.0, 1e-9);  // 40, 50 and 60.
+  EXPECT_EQ(score.group.agents[2].training->steps, std::nullopt);
   ASSERT_EQ(score.group.pairs.size(), 1u);  // The third row has nothing.
   EXPECT_NEAR(score.group.pairs[0].difference().value, 0.6 - 0.9, 1e-12);
-  const auto published = FindPublished(fake.plan, "test", "5", eval::Quantities().front());
+  const auto& published = score.group.agents[0].published;
   ASSERT_EQ(published.size(), 1u);
-  EXPECT_EQ(published[0].second.mean, 0.43);
-  EXPECT_EQ(published[0].second.deviation, 0.02);
+  EXPECT_EQ(published[0].quantity, 0u);
+  EXPECT_EQ(published[0].value, 0.43);
+  EXPECT_EQ(published[0].deviation, 0.02);
 }
 
 /// Two seeds with snapshots after 1000 and 2000 of 4000 steps. The run logs 1000 steps at 10 s

@@ -46,7 +46,7 @@ class Page {
     section.append(element('p', {class: 'note'}, `Courses: ${score.courses}. ${protocol}`), this.scoreTable(score.group, look));
     section.append(...notes.map((note) => element('p', {class: 'note', 'data-note': 'true'}, note)));
     this.addSuccess(section, agents, look);
-    if (score.curves.length > 0) this.addCurves(section, score.curves);
+    if (score.curves.length > 0) this.addCurves(section, score.curves, agents);
     const profiles = profileLines(agents, look);
     if (profiles.length > 0) {
       section.append(element('h3', {}, 'Performance profile'));
@@ -66,13 +66,8 @@ class Page {
       return [swatch(look(i).colour), label, element('span', {class: seeds < planned ? 'sub partial' : 'sub'},
         episodes > 0 ? `${text}, ${episodes} episodes` : text)];
     };
-    const extend = (cell, agent, i, {key, factor}) => cell.append(...agent.published[key].map((number) =>
-      element('span', {class: 'sub'}, `${number.source}: `, element('span', {class: 'published-value'}, publishedText(number, factor)))));
-    const more = [{title: 'Training', cell: ({steps, imagined, training_s: seconds}) =>
-      element('td', {'data-title': 'Training'}, `${count(steps)} steps`, ...(imagined === null ? [] :
-        [element('span', {class: 'sub'}, `+ ${count(imagined)} imagined`)]), element('span', {class: 'sub'}, duration(seconds)))}];
     const parts = figuresTable(quantityColumns(this.data.quantities, group), agents,
-      {head: 'Row', name, colour: (i) => look(i).colour, more, extend});
+      {head: 'Row', name, colour: (i) => look(i).colour});
     return element('div', {class: 'scroll'}, element('table', {class: 'figures-table'}, ...parts));
   }
 
@@ -84,7 +79,7 @@ class Page {
     if (axes.length > 0 || agents.length < 2) return;
     const rows = agents.map((agent, i) => {
       const {estimate, seeds} = agent.figures.success_rate;
-      return {label: agent.label, colour: look(i).colour, estimate, seeds, published: agent.published.success_rate,
+      return {label: agent.label, colour: look(i).colour, estimate, seeds, published: publishedOf(agent, 'success_rate'),
         tip: `${agent.label}\n${estimateText(estimate)}${seeds.length > 1 ? `\nseeds: ${seeds.map((s) => percent(s, 1)).join(', ')}` : ''}`};
     });
     this.addChart(section, 'dots', 'Success: means, 95 % intervals, seeds as ticks, published numbers as diamonds', (box) =>
@@ -101,9 +96,9 @@ class Page {
       drawLines(box, lines, axis), [keyOf(lines, sources)]);
   }
 
-  addCurves(section, curves) {
+  addCurves(section, curves, agents) {
     const lines = (key) => curves.filter(({points}) => points.every((point) => point[key] !== null)).map((curve) => ({
-      label: curve.label, ...lookOf(curve.row), points: curve.points.map((point) => ({x: point[key], estimate: point.success,
+      label: agents[curve.agent].label, ...lookOf(agents[curve.agent].row), points: curve.points.map((point) => ({x: point[key], estimate: point.success,
         name: `${count(point.steps)} steps${point.seconds === null ? '' : `, ${duration(point.seconds)}`}`}))}));
     const pair = element('div', {class: 'pair'});
     section.append(element('h3', {}, 'Sample efficiency'), pair);
@@ -114,7 +109,7 @@ class Page {
       this.addChart(pair, 'seconds', 'Success over training time', (box) =>
         drawLines(box, timed, timeAxis(Math.max(...timed.flatMap(({points}) => points.map(({x}) => x))))));
     }
-    const rows = curves.map((curve) => element('tr', {}, element('td', {class: 'wrap'}, curve.label,
+    const rows = curves.map((curve) => element('tr', {}, element('td', {class: 'wrap'}, agents[curve.agent].label,
       element('span', {class: 'sub'}, `${curve.seeds} of ${plural(curve.planned, 'seed')}`)),
     figureCell(AREA, curve.area_over_steps), figureCell(AREA, curve.area_over_seconds)));
     section.append(keyOf(lines('steps')), scrollTable('compact', ['Area under the curve [%]', 'over steps', 'over seconds'], rows),
@@ -148,16 +143,18 @@ function axisLines(agents, axes, a) {
   const isNumber = (label) => label.trim() !== '' && Number.isFinite(Number(label));
   if (!labels.every(isNumber) || new Set(labels.map(Number)).size < 2) return [];
   const lines = new Map();
-  for (const {label, labels: own, figures, published} of agents) {
-    const {estimate} = figures.success_rate;
-    if (estimate === null && published.success_rate.length === 0) continue;
+  for (const agent of agents) {
+    const {label, labels: own} = agent;
+    const {estimate} = agent.figures.success_rate;
+    const published = publishedOf(agent, 'success_rate');
+    if (estimate === null && published.length === 0) continue;
     if (own.length <= a) {
       lines.set(label, {label, level: estimate});
       continue;
     }
     const others = own.filter((_, i) => i !== a).join(' / ');
     if (!lines.has(others)) lines.set(others, {label: others || 'success', points: []});
-    lines.get(others).points.push({x: Number(own[a]), text: own[a], name: `${axes[a]} ${own[a]}`, estimate, published: published.success_rate});
+    lines.get(others).points.push({x: Number(own[a]), text: own[a], name: `${axes[a]} ${own[a]}`, estimate, published});
   }
   return [...lines.values()].filter(({level}) => level !== null).map((line, i) => {
     if (line.points) line.points.sort((p, q) => p.x - q.x);
