@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -319,6 +320,20 @@ TEST(ShieldTest, TracksChangeNothingWhereNothingMovesNear) {
     tracking.Drive(choice.command);
   }
   EXPECT_GT(num_changed, 5);
+}
+
+// The range finder does not show it now, as something is before it or it is behind.
+TEST(ShieldTest, EvadesWhatIsHidden) {
+  const std::vector<std::uint16_t> open(720, 500);
+  for (const base::Vec2 from : {base::Vec2{1.2, 0.1}, {-1.0, 0.0}, {0.1, 1.2}}) {
+    Shield shield({.shield = true, .tracking = true}, {}, {}, kBounds, kStep);
+    const Track there{.p_O = from, .v_O = -1.2 * from, .radius = 0.3};
+    shield.See(open, {}, std::array{there});
+    EXPECT_TRUE(shield.Choose({}).changed);
+    shield.Reset();
+    shield.See(open, {}, std::array{Track{.p_O = from, .v_O = 1.2 * from, .radius = 0.3}});
+    EXPECT_FALSE(shield.Choose({}).changed) << "it goes away";
+  }
 }
 
 // Whatever it was told and has seen before, wherever the robot ended.
