@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/sin_cos_parts.h"
 #include "base/vector_clones.h"
 
 namespace slalom::planners {
@@ -23,41 +24,18 @@ SLALOM_ALWAYS_INLINE Doubles Load(const double* from) {
 SLALOM_ALWAYS_INLINE void Store(double* to, Doubles v) { std::memcpy(to, &v, sizeof v); }
 SLALOM_ALWAYS_INLINE Doubles Fill(double x) { return Doubles{} + x; }
 
-struct SinesCosines {
-  Doubles sin, cos;
-};
-
 /// The same bits as base::SinCos.
-SLALOM_ALWAYS_INLINE SinesCosines SinCos(Doubles angle) {
-  constexpr double kPio2High = 1.57079632673412561417e+00;
-  constexpr double kPio2Mid = 6.07710050630396597660e-11;
-  constexpr double kPio2Low = 2.02226624879595063154e-21;
+SLALOM_ALWAYS_INLINE base::SinCosParts<Doubles> SinCos(Doubles angle) {
   constexpr double kWhole = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to whole numbers.
   const Doubles quarters = angle * (2.0 / base::kPi) + 0.5;
   const Doubles rounded = (quarters + kWhole) - kWhole;
   const Doubles n = rounded > quarters ? rounded - 1.0 : rounded;
-  const Doubles r = ((angle - n * kPio2High) - n * kPio2Mid) - n * kPio2Low;
-  const Doubles z = r * r;
-  const Doubles sin_r =
-      r + r * z *
-              (-1.0 / 6 +
-               z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 +
-                                                        z * (-1.0 / 39916800 +
-                                                             z * (1.0 / 6227020800.0 -
-                                                                  z * (1.0 / 1307674368000.0)))))));
-  const Doubles cos_r =
-      1.0 +
-      z * (-0.5 + z * (1.0 / 24 +
-                       z * (-1.0 / 720 +
-                            z * (1.0 / 40320 + z * (-1.0 / 3628800 +
-                                                    z * (1.0 / 479001600.0 -
-                                                         z * (1.0 / 87178291200.0 -
-                                                              z * (1.0 / 20922789888000.0))))))));
+  const base::SinCosParts<Doubles> near = base::SinCosNearZero(base::WithoutQuarters(angle, n));
   const Doubles with_quadrant = n + kWhole;
   Longs quadrant;
   std::memcpy(&quadrant, &with_quadrant, sizeof quadrant);
   const Longs swap = (quadrant & 1) != 0;
-  const Doubles sine = swap ? cos_r : sin_r, cosine = swap ? sin_r : cos_r;
+  const Doubles sine = swap ? near.cos : near.sin, cosine = swap ? near.sin : near.cos;
   const Longs below = (quadrant & 2) != 0, left = ((quadrant + 1) & 2) != 0;
   return {below ? -sine : sine, left ? -cosine : cosine};
 }
@@ -126,7 +104,7 @@ SLALOM_SIMD void CommandRollouts::SimulateLanes(const StepLanes& steps, const ba
   Doubles x = Fill(X_OR.p.x), y = Fill(X_OR.p.y), yaw = Fill(X_OR.yaw);
   Doubles linear = Fill(velocity.linear), angular = Fill(velocity.angular);
   for (int k = 0; k < num_poses; ++k) {
-    const SinesCosines heading = SinCos(yaw);
+    const base::SinCosParts<Doubles> heading = SinCos(yaw);
     Store(poses[k].x, x);
     Store(poses[k].y, y);
     Store(poses[k].yaw, yaw);
