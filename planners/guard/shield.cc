@@ -276,10 +276,7 @@ void Shield::LookAround(std::span<const std::uint16_t> ranges_cm, std::span<cons
 /// if it is hidden.
 void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& track,
                       int neighbours) {
-  const base::SinCosResult yaw = base::SinCos(X_OR_.yaw);
-  const base::Vec2 v_R{yaw.cos * track.v_O.x + yaw.sin * track.v_O.y,
-                       yaw.cos * track.v_O.y - yaw.sin * track.v_O.x};
-  const base::Vec2 middle_R = base::InverseTransform(X_OR_, track.p_O);
+  const base::Vec2 v_R = base::InverseTransform({{}, X_OR_.yaw}, track.v_O);
   const double way = (robot_.delay + step_ticks_ * tick_ + kHorizon) * base::Norm(v_R);
   const auto add = [&](base::Vec2 p_R) {
     const base::Vec2 p_C = p_R - base::Vec2{robot_.centre_x, robot_.centre_y};
@@ -288,6 +285,7 @@ void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& tra
                        static_cast<float>(v_R.x), static_cast<float>(v_R.y)});
   };
   if (track.first_beam == track.end_beam) {
+    const base::Vec2 middle_R = base::InverseTransform(X_OR_, track.p_O);
     for (int k = 0; k < kHiddenPoints; ++k) {
       const auto [s, c] = base::SinCos(2.0 * base::kPi * k / kHiddenPoints);
       add(middle_R + track.radius * base::Vec2{c, s});

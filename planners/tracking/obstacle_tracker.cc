@@ -6,8 +6,6 @@
 #include <tuple>
 #include <utility>
 
-#include "base/check.h"
-
 namespace slalom::planners {
 namespace {
 
@@ -65,7 +63,7 @@ ObstacleTracker::ObstacleTracker(const ScanGeometry& geometry, double step)
     : geometry_(geometry),
       step_(step),
       angle_step_(geometry.field_of_view / (geometry.num_beams - 1)),
-      directions_R_(BeamDirections(geometry)) {}
+      projector_(geometry) {}
 
 void ObstacleTracker::Reset() {
   num_scans_ = 0;
@@ -105,18 +103,14 @@ void ObstacleTracker::Update(std::span<const std::uint16_t> ranges_cm, const bas
 }
 
 void ObstacleTracker::ReadScan(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR) {
-  SLALOM_CHECK_EQ(ranges_cm.size(), directions_R_.size());
   now_.X_OR = X_OR;
   now_.ranges_cm.assign(ranges_cm.begin(), ranges_cm.end());
-  sensor_O_ = base::Transform(X_OR, geometry_.p_RS);
+  projector_.Project(ranges_cm, X_OR, rays_);
   points_O_.clear();
   beams_.clear();
-  const auto [s, c] = base::SinCos(X_OR.yaw);
   for (std::size_t i = 0; i < ranges_cm.size(); ++i) {
-    const double range = 0.01 * ranges_cm[i];
-    if (range < kLeastEcho || range >= geometry_.clip) continue;
-    const base::Vec2 d = directions_R_[i];
-    points_O_.push_back(sensor_O_ + range * base::Vec2{c * d.x - s * d.y, s * d.x + c * d.y});
+    if (!rays_.rays[i].hit || 0.01 * ranges_cm[i] < kLeastEcho) continue;
+    points_O_.push_back(rays_.rays[i].p_O);
     beams_.push_back(static_cast<int>(i));
   }
 }
@@ -244,14 +238,14 @@ void ObstacleTracker::Correct(const Piece& piece, Body& body) const {
   const std::size_t before = piece.shows_begin ? 0 : end_points;
   const std::size_t behind = piece.shows_end ? 0 : end_points;
   const std::span inner = points.subspan(before, points.size() - before - behind);
-  const double range = base::Norm(piece.middle_O - sensor_O_);
+  const double range = base::Norm(piece.middle_O - rays_.sensor_O);
   const double error = kPointError + 0.5 * range * angle_step_;
   const double variance = kShared * error * error;
   std::array<double, kDirections> farthest{};
   std::array<bool, kDirections> is_shown{};
   for (int k = 0; k < kDirections; ++k) {
     const base::Vec2 u = body.directions[k];
-    const double sensor = base::Dot(u, sensor_O_);
+    const double sensor = base::Dot(u, rays_.sensor_O);
     if (sensor - base::Dot(u, piece.middle_O) < kFacing * range) continue;
     farthest[k] = FarthestAlong(u, points);
     is_shown[k] = sensor - farthest[k] >= kFacing * range &&

@@ -115,11 +115,11 @@ class ObstacleTracker {
   static Track TrackOf(const Body& body);
 
   const ScanGeometry geometry_;
-  const double step_, angle_step_;              // [s], [rad].
-  const std::vector<base::Vec2> directions_R_;  // [N]
+  const double step_, angle_step_;  // [s], [rad].
+  const ScanProjector projector_;
 
   Scan now_;
-  base::Vec2 sensor_O_;
+  ScanRays rays_;                     // Of the scan.
   std::vector<base::Vec2> points_O_;  // Of the scan, those with an echo,
   std::vector<int> beams_;            // and their beams.
   std::vector<Piece> pieces_;

@@ -27,28 +27,22 @@ class SeenObstacles {
 
   explicit SeenObstacles(const ScanWalk& walk)
       : walk_(walk),
-        directions_R_(planners::BeamDirections(walk.geometry())),
+        projector_(walk.geometry()),
         obstacles_(static_cast<std::size_t>(walk.scene().moving_obstacles().size())) {}
 
   /// Takes the walk's newest scan.
   void Look() {
     const sim::MovingObstacles& moving = walk_.scene().moving_obstacles();
     const base::Pose2 &start = walk_.scene().course().start, &X_WR = walk_.pose();
-    const base::Vec2 sensor_W = base::Transform(X_WR, walk_.geometry().p_RS);
-    const auto [s, c] = base::SinCos(X_WR.yaw);
-    std::vector<base::Vec2> points_W;
-    for (std::size_t k = 0; k < directions_R_.size(); ++k) {
-      const double range = 0.01 * walk_.ranges_cm()[k];
-      const base::Vec2 d = directions_R_[k];
-      if (range >= walk_.geometry().clip) continue;
-      points_W.push_back(sensor_W + range * base::Vec2{c * d.x - s * d.y, s * d.x + c * d.y});
-    }
+    planners::ScanRays rays_W;
+    projector_.Project(walk_.ranges_cm(), X_WR, rays_W);
     for (std::size_t i = 0; i < obstacles_.size(); ++i) {
       const int index = static_cast<int>(i);
       const sim::MovingShape shape = moving.At(index, walk_.time());
       const base::Pose2 X_WB{{shape.box.x, shape.box.y}, shape.box.yaw};
-      const auto num_beams = std::ranges::count_if(points_W, [&](base::Vec2 p_W) {
-        const base::Vec2 p_B = base::InverseTransform(X_WB, p_W);
+      const auto num_beams = std::ranges::count_if(rays_W.rays, [&](const planners::ScanRay& ray) {
+        if (!ray.hit) return false;
+        const base::Vec2 p_B = base::InverseTransform(X_WB, ray.p_O);
         if (shape.radius > 0.0f) return std::abs(base::Norm(p_B) - shape.radius) < kNear;
         const double x = std::abs(p_B.x) - shape.box.half_x, y = std::abs(p_B.y) - shape.box.half_y;
         return x < kNear && y < kNear && std::max(x, y) > -kNear;
@@ -71,7 +65,7 @@ class SeenObstacles {
   static constexpr double kNear = 0.08;  // More than the noise, [m].
 
   const ScanWalk& walk_;
-  const std::vector<base::Vec2> directions_R_;
+  const planners::ScanProjector projector_;
   std::vector<Obstacle> obstacles_;
 };
 
