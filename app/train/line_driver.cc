@@ -273,9 +273,7 @@ void LineDriver::MakeCheck(const LineDriverOptions& options) {
     throw base::Error(
         "guard.shield: found false, expected true, as there is nothing else that checks commands");
   }
-  planners::GuardConfig guard = config.guard;
-  guard = {
-      .shield = true, .margin = guard.margin, .memory = guard.memory, .tracking = guard.tracking};
+  config.guard.waypoints = config.guard.scan_matching = false;  // They belong to what drives.
   is_guarded_ = reads_odometry_ = true;
   environment_ = config.environment;
   sim::CheckConsistent(environment_);
@@ -283,7 +281,7 @@ void LineDriver::MakeCheck(const LineDriverOptions& options) {
   bounds_ = environment_.action;
   auto repeats = std::make_unique<RepeatingAgent>();
   command_ = &repeats->command();
-  agent_ = Guarded(std::move(repeats), guard, environment_);
+  agent_ = Guarded(std::move(repeats), config.guard, environment_);
 }
 
 std::string LineDriver::Answer(std::string_view line) {
