@@ -11,6 +11,7 @@
 
 #include "actor/actor.h"
 #include "metrics/catalogue.h"
+#include "policy/policy_spec.h"
 #include "proto/replay_link.h"
 #include "replay/rows.h"
 #include "replay/service/server.h"
@@ -27,6 +28,15 @@ inline constexpr std::int64_t kActingVersion = 2;
 inline constexpr std::int64_t kUpdates = 400;  // What so many steps earn.
 
 using test::WaitUntil;
+
+/// A small network for the robots of this table.
+inline policy::PolicySpec SmallSpec() {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kBeams;
+  spec.network.encoder_layers = {};
+  spec.network.head_layers = {16, 16};
+  return spec;
+}
 
 /// A replay server that holds `kSteps` steps, the same ones each time.
 class FilledReplay {
