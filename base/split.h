@@ -1,8 +1,11 @@
 #pragma once
 
 #include <algorithm>
+#include <charconv>
 #include <cstddef>
+#include <optional>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 namespace slalom::base {
@@ -24,6 +27,16 @@ inline std::string_view Trim(std::string_view text) {
   constexpr std::string_view kSpaces = " \t\r\n\v\f";
   text.remove_prefix(std::min(text.find_first_not_of(kSpaces), text.size()));
   return text.substr(0, text.find_last_not_of(kSpaces) + 1);
+}
+
+/// Returns the decimal number that all of a text is, in whatever locale; nothing if it is none, or
+/// `Number` does not hold it.
+template <class Number>
+std::optional<Number> ParseNumber(std::string_view text) {
+  Number number{};
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, number);
+  return error == std::errc() && rest == end ? std::optional(number) : std::nullopt;
 }
 
 }  // namespace slalom::base

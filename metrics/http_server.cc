@@ -14,7 +14,6 @@
 #include <array>
 #include <cctype>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
@@ -26,6 +25,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/machine.h"
+#include "base/split.h"
 
 namespace slalom::metrics {
 namespace {
@@ -121,12 +121,9 @@ std::optional<Address> Parse(std::string_view text) {
   } else if (host.find(':') != std::string_view::npos) {
     return std::nullopt;  // IPv6 without brackets: nothing tells where the port begins.
   }
-  Address address{std::string(host), -1};
-  const auto [end, error] =
-      std::from_chars(port.data(), port.data() + port.size(), address.port, 10);
-  if (error != std::errc{} || end != port.data() + port.size() || host.empty()) return std::nullopt;
-  if (address.port < 0 || address.port > 65535) return std::nullopt;
-  return address;
+  const auto number = base::ParseNumber<int>(port);
+  if (!number || *number < 0 || *number > 65535 || host.empty()) return std::nullopt;
+  return Address{std::string(host), *number};
 }
 
 [[noreturn]] void Refuse(const std::string& address, std::string_view purpose,

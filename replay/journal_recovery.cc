@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <fstream>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 #include "replay/journal.h"
 #include "replay/lazy_memory.h"
 #include "replay/rows.h"
@@ -28,12 +28,9 @@ constexpr std::string_view kSuffix = ".log";
 /// Returns the number in a segment's file name, or nothing if it is not a segment's name.
 std::optional<std::uint64_t> IndexOf(const std::string& name) {
   if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix)) return std::nullopt;
-  const char* const begin = name.data() + kPrefix.size();
-  const char* const end = name.data() + name.size() - kSuffix.size();
-  std::uint64_t index = 0;
-  const auto [stop, error] = std::from_chars(begin, end, index);
-  if (error != std::errc() || stop != end) return std::nullopt;
-  return index;
+  const std::size_t affixes = kPrefix.size() + kSuffix.size();
+  return base::ParseNumber<std::uint64_t>(
+      std::string_view(name).substr(kPrefix.size(), name.size() - affixes));
 }
 
 std::vector<std::pair<std::uint64_t, fs::path>> ListSegments(const fs::path& directory) {

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -22,6 +21,7 @@
 #include "base/file.h"
 #include "base/json.h"
 #include "base/log.h"
+#include "base/split.h"
 
 namespace slalom::sweep {
 namespace {
@@ -92,12 +92,8 @@ std::string ContentOf(const fs::path& path) {
 std::optional<int> NumberOf(const fs::path& path) {
   const std::string name = path.filename().string();
   if (!name.starts_with(kClaim)) return std::nullopt;
-  int number = 0;
-  const char* const begin = name.data() + kClaim.size();
-  const char* const end = name.data() + name.size();
-  const auto [last, error] = std::from_chars(begin, end, number);
-  if (error != std::errc() || last != end || number > kMostClaims) return std::nullopt;
-  return number;
+  const auto number = base::ParseNumber<int>(name.substr(kClaim.size()));
+  return number <= kMostClaims ? number : std::nullopt;
 }
 
 fs::path ClaimFile(const fs::path& cell, int number) {

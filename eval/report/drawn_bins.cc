@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
+#include "base/split.h"
 #include "eval/report/embedded_page.h"
 #include "eval/report/table_text.h"
 #include "eval/statistics/bootstrap.h"
@@ -32,11 +32,7 @@ const DrawnField* FindDrawn(const Result& result, const std::string& key, bool i
 std::optional<double> FindOwnValue(const Result& result, const std::string& key) {
   const auto setting = [&result](const std::string& name) -> std::optional<double> {
     const auto it = result.settings.find("environment." + name);
-    double number = 0.0;
-    if (it == result.settings.end()) return std::nullopt;
-    const char* const end = it->second.data() + it->second.size();
-    const auto [rest, error] = std::from_chars(it->second.data(), end, number);
-    return error == std::errc() && rest == end ? std::optional(number) : std::nullopt;
+    return it != result.settings.end() ? base::ParseNumber<double>(it->second) : std::nullopt;
   };
   return setting("randomize_share").value_or(1.0) < 1.0 ? setting(key) : std::nullopt;
 }

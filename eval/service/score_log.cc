@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <vector>
 
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 #include "eval/csv_field.h"
 
 namespace slalom::eval {
@@ -50,11 +50,8 @@ double BestOf(std::string_view text, const std::string& courses) {
     rest.remove_prefix(courses.size() + 1);
     const auto cells = Split(rest, ',');
     if (cells.size() != num_columns - kCourses - 1 || cells.back() != "1") continue;
-    double rate = 0.0;
-    const std::string_view cell = cells[kSuccessRate - kCourses - 1];
-    if (std::from_chars(cell.begin(), cell.end(), rate).ec == std::errc()) {
-      best = std::max(best, rate);
-    }
+    const auto rate = base::ParseNumber<double>(cells[kSuccessRate - kCourses - 1]);
+    best = std::max(best, rate.value_or(best));
   }
   return best;
 }

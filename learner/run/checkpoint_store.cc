@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 
 namespace slalom::run {
 namespace {
@@ -25,11 +25,7 @@ constexpr std::string_view kDamaged = ".damaged";
 std::optional<std::int64_t> StepsOf(const fs::path& path) {
   const std::string name = path.filename().string();
   if (!name.starts_with(kPrefix)) return std::nullopt;
-  std::int64_t steps = 0;
-  const auto [end, error] =
-      std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), steps);
-  if (error != std::errc() || end != name.data() + name.size()) return std::nullopt;
-  return steps;
+  return base::ParseNumber<std::int64_t>(name.substr(kPrefix.size()));
 }
 
 void RemoveAll(const fs::path& path) {

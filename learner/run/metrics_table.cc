@@ -1,14 +1,13 @@
 #include "learner/run/metrics_table.h"
 
 #include <algorithm>
-#include <charconv>
 #include <fstream>
 #include <limits>
 #include <optional>
 #include <string>
-#include <system_error>
 
 #include "base/check.h"
+#include "base/split.h"
 
 namespace slalom::run {
 namespace {
@@ -24,12 +23,9 @@ std::optional<std::vector<double>> ParseRow(std::string_view line, std::size_t n
   if (cells.size() != num_columns) return std::nullopt;
   std::vector<double> numbers;
   for (const std::string_view cell : cells) {
-    double number = kNone;
-    if (!cell.empty()) {
-      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
-      if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
-    }
-    numbers.push_back(number);
+    const auto number = cell.empty() ? kNone : base::ParseNumber<double>(cell);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
   }
   return numbers;
 }

@@ -1,10 +1,10 @@
 #include "proto/transport/endpoint.h"
 
-#include <charconv>
 #include <string_view>
 
 #include "base/error.h"
 #include "base/machine.h"
+#include "base/split.h"
 
 namespace slalom::transport {
 namespace {
@@ -29,10 +29,8 @@ Address Split(std::string_view endpoint) {
 }
 
 bool IsPort(std::string_view text) {
-  int port = -1;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
-  return text == "*" || (error == std::errc() && end == text.data() + text.size() && port >= 0 &&
-                         port <= kMaxPort);
+  const auto port = base::ParseNumber<int>(text);
+  return text == "*" || (port && *port >= 0 && *port <= kMaxPort);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 #include "sim/courses/barn_field.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_difficulty.h"
@@ -35,12 +35,9 @@ std::optional<int> WorldNumber(const fs::path& path) {
   constexpr std::string_view kPrefix = "world_";
   constexpr std::string_view kSuffix = ".world";
   if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix)) return std::nullopt;
-  const char* begin = name.data() + kPrefix.size();
-  const char* end = name.data() + name.size() - kSuffix.size();
-  int number = 0;
-  const auto [rest, error] = std::from_chars(begin, end, number);
-  if (error != std::errc() || rest != end || number < 0) return std::nullopt;
-  return number;
+  const std::size_t size = name.size() - kPrefix.size() - kSuffix.size();
+  const auto number = base::ParseNumber<int>(std::string_view(name).substr(kPrefix.size(), size));
+  return number >= 0 ? number : std::nullopt;
 }
 
 /// The files of a directory called world_N.world by their N, and the other worlds.

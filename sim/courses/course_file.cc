@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -19,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 #include "sim/courses/course_check.h"
 
 namespace slalom::sim {
@@ -301,9 +301,8 @@ class Parser {
     }
     std::array<double, N> numbers{};
     for (std::size_t i = 0; i < N; ++i) {
-      const char* end = values[i].data() + values[i].size();
-      const auto [rest, error] = std::from_chars(values[i].data(), end, numbers[i]);
-      if (error != std::errc() || rest != end || !(std::abs(numbers[i]) <= 1e5)) {
+      numbers[i] = base::ParseNumber<double>(values[i]).value_or(NAN);
+      if (!(std::abs(numbers[i]) <= 1e5)) {
         Fail(fmt::format("\"{}\" is not a number between -1e5 and 1e5", values[i]));
       }
     }

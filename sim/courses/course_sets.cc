@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <initializer_list>
 #include <memory>
 #include <set>
@@ -97,36 +96,24 @@ CourseSet ReadDirectory(const fs::path& directory) {
   return set;
 }
 
-/// Whether the whole of `text` is a number of this type, which `number` then holds.
-template <class Number>
-[[nodiscard]] bool ParseWhole(std::string_view text, Number& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc() && end == text.data() + text.size();
-}
-
 CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
   const std::string_view rest = std::string_view(spec).substr(source.prefix.size());
   const std::size_t colon = rest.find(':');
-  std::uint64_t seed = 0;
-  int count = 0;
-  const bool is_parsed = colon != std::string_view::npos &&
-                         ParseWhole(rest.substr(0, colon), seed) &&
-                         ParseWhole(rest.substr(colon + 1), count);
-  base::ThrowIf(!is_parsed || count < 1 || count > kMaxGenerated,
+  const auto seed = base::ParseNumber<std::uint64_t>(rest.substr(0, colon));
+  const auto count = base::ParseNumber<int>(colon < rest.size() ? rest.substr(colon + 1) : "");
+  base::ThrowIf(!seed || !count || *count < 1 || *count > kMaxGenerated,
                 "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}",
                 spec, source.prefix, kMaxGenerated);
-  CourseSet set = source.set(seed, count);
+  CourseSet set = source.set(*seed, *count);
   set.name = spec;
   return set;
 }
 
 /// The number of "real-world-NUMBER", if there is such a course.
 std::optional<int> RealWorldNumber(std::string_view name) {
-  int number = 0;
   if (!name.starts_with(kRealWorldPrefix)) return std::nullopt;
-  if (!ParseWhole(name.substr(kRealWorldPrefix.size()), number)) return std::nullopt;
-  if (number < 1 || number > kNumRealWorldCourses) return std::nullopt;
-  return number;
+  const auto number = base::ParseNumber<int>(name.substr(kRealWorldPrefix.size()));
+  return number >= 1 && number <= kNumRealWorldCourses ? number : std::nullopt;
 }
 
 CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uint64_t seed) {

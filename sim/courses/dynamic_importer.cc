@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <set>
@@ -62,13 +61,12 @@ class Table {
 
   double Number(std::size_t row, std::size_t column) const {
     const std::string_view field = text(row, column);
-    double number = 0.0;
-    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), number);
-    if (error != std::errc() || end != field.data() + field.size() || !(std::abs(number) <= 1e5)) {
+    const auto number = base::ParseNumber<double>(field);
+    if (!number || !(std::abs(*number) <= 1e5)) {
       Fail(row, fmt::format("{} is \"{}\", expected a number between -1e5 and 1e5",
                             columns_[column], field));
     }
-    return number;
+    return *number;
   }
 
   double PositiveNumber(std::size_t row, std::size_t column) const {

@@ -70,11 +70,11 @@ class DescriptionReader {
 
   double Number(std::string_view key, double low, double high) const {
     const Entry& entry = Find(key);
-    const auto number = ParseNumber(entry.text);
-    if (!entry.items.empty() || !(number >= low && number <= high)) {
+    const auto number = base::ParseNumber<double>(entry.text);
+    if (!entry.items.empty() || !number || !(*number >= low && *number <= high)) {
       Fail(entry, key, fmt::format("expected a number from {} to {}", low, high));
     }
-    return number;
+    return *number;
   }
 
   bool Bool(std::string_view key) const {
@@ -92,7 +92,9 @@ class DescriptionReader {
     }
     std::vector<double> numbers;
     numbers.reserve(items.size());
-    for (const std::string_view item : items) numbers.push_back(ParseNumber(base::Trim(item)));
+    for (const std::string_view item : items) {
+      numbers.push_back(base::ParseNumber<double>(base::Trim(item)).value_or(NAN));
+    }
     const auto is_good = [](double number) { return std::abs(number) < 1e5; };
     if (numbers.size() != 3 || !std::ranges::all_of(numbers, is_good)) {
       Fail(entry, key, "expected [X, Y, YAW], three numbers between -1e5 and 1e5");
@@ -146,13 +148,6 @@ class DescriptionReader {
                       entry.items.empty() ? std::string(entry.text)
                                           : fmt::format("{}", fmt::join(entry.items, ", ")),
                       expected);
-  }
-
-  /// Not a number if `text` is none.
-  static double ParseNumber(std::string_view text) {
-    double number = 0.0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    return error == std::errc() && end == text.data() + text.size() ? number : std::nan("");
   }
 
   const std::string_view source_;
