@@ -83,8 +83,8 @@ BENCHMARK_CAPTURE(BM_ControlCycle, mppi, "mppi");
 void BM_MapUpdate(benchmark::State& state, const ObstacleMapConfig& config) {
   static const std::vector<Moment> moments = Record("dwa");
   ObstacleMap map(config, PaddedFootprint(FootprintConfig{}));
-  const ScanProjector projector({});
-  ScanRays rays;
+  const env::ScanProjector projector({});
+  env::ScanRays rays;
   std::size_t i = 0;
   for (auto _ : state) {
     const Moment& m = moments[i];
@@ -104,8 +104,8 @@ void BM_Plan(benchmark::State& state, bool anew) {
   static const std::vector<Moment> moments = Record("dwa");
   ObstacleMap map({.num_cells = 800, .rolling = false}, PaddedFootprint(FootprintConfig{}));
   GlobalPlanner planner;
-  const ScanProjector projector({});
-  ScanRays rays;
+  const env::ScanProjector projector({});
+  env::ScanRays rays;
   base::Vec2 goal_O;
   std::size_t i = 0;
   for (auto _ : state) {

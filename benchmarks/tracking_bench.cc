@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
+#include "env/sensing/obstacle_tracker.h"
 #include "planners/guard/shield.h"
-#include "planners/tracking/obstacle_tracker.h"
 #include "sim/courses/course_sets.h"
 #include "tests/support/scan_walk.h"
 #include "tests/support/seen_obstacles.h"
@@ -29,7 +29,7 @@ void TrackObstacles(benchmark::State& state, const std::string& courses) {
     errors = {};
     for (const auto& course : set.courses) {
       test::ScanWalk walk(*course, 1);
-      ObstacleTracker tracker(walk.geometry(), test::ScanWalk::kStep);
+      env::ObstacleTracker tracker(walk.geometry(), test::ScanWalk::kStep);
       test::SeenObstacles seen(walk);
       while (walk.Step()) {
         state.ResumeTiming();
@@ -61,7 +61,7 @@ void Evade(benchmark::State& state, const std::string& courses) {
     state.PauseTiming();
     for (const auto& course : set.courses) {
       test::ScanWalk walk(*course, 1);
-      ObstacleTracker tracker(walk.geometry(), test::ScanWalk::kStep);
+      env::ObstacleTracker tracker(walk.geometry(), test::ScanWalk::kStep);
       Shield shield({.shield = true, .tracking = true}, {}, walk.geometry(), {},
                     test::ScanWalk::kStep);
       while (walk.Step()) {

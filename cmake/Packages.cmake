@@ -36,7 +36,7 @@ if(SLALOM_PYTHON_PACKAGE)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS slalom)
 
   # find_package(slalom): the simulator, the replay buffer, policies that drive and their guard, for C++ programs and shared objects.
-  set(libraries base config env courses sim planners replay nn_inference policy_file policy_actor)
+  set(libraries base config env sensing courses sim planners replay nn_inference policy_file policy_actor)
   list(TRANSFORM libraries PREPEND slalom_ OUTPUT_VARIABLE targets)
   add_custom_target(slalom_libraries DEPENDS ${targets})
   if(CMAKE_VERSION VERSION_LESS 3.23)

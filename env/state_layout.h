@@ -20,6 +20,7 @@ struct StateOptions {
   bool speeds = false;
   bool mounting = false;
   int commands = 1;
+  bool tracked = false;
   bool privileged = false;
 
   template <class Visitor>
@@ -32,6 +33,9 @@ struct StateOptions {
       "so that one policy can drive robots that differ in it.");
     v("commands", commands, base::Range{1, 16}, "",
       "Last commands that are observed. More than one help against a delay.");
+    v("tracked", tracked,
+      "Observe where the nearest obstacles are that move, and how they move, as far as a tracker "
+      "tells it from scans and odometry (docs/safety.md).");
     v("privileged", privileged,
       "Observe what no sensor tells, too: the robot's true speeds, where the nearest moving "
       "obstacles are and how they move, and the drive of the robot that was drawn. For stages that "
@@ -41,8 +45,9 @@ struct StateOptions {
   friend bool operator==(const StateOptions&, const StateOptions&) = default;
 };
 
-/// Who knows a field: the robot, the policy that acts, or the simulator alone (privileged).
-enum class StateSource { kSensors, kActions, kSimulator };
+/// Who knows a field: the robot, the policy that acts, a tracker of what its scans show
+/// (env/sensing/obstacle_tracker.h), or the simulator alone (privileged).
+enum class StateSource { kSensors, kActions, kTracker, kSimulator };
 
 /// A number of a field. The state holds its value times `scale`, and a mirror, which exchanges left
 /// and right, changes its sign if it has a side.
@@ -67,7 +72,7 @@ inline constexpr StateNumber kMounting[] = {{10.0}, {10.0, true}};
 inline constexpr StateNumber kObstacle[] = {{1.0 / 5.0}, {1.0 / 5.0, true}, {1.0}, {1.0, true}};
 inline constexpr StateNumber kDrive[] = {{10.0}, {10.0},       {10.0},
                                          {10.0}, {1.0 / 20.0}, {1.0 / 25.0}};
-inline constexpr int kPrivilegedObstacles = 5;  ///< Zeros if there are fewer.
+inline constexpr int kObservedObstacles = 5;  ///< Zeros if there are fewer.
 
 /// In the order of a state: the goal comes first, privileged fields come last.
 inline constexpr StateField kStateFields[] = {
@@ -81,10 +86,15 @@ inline constexpr StateField kStateFields[] = {
      "place of the range finder, x and y, in dm", StateSource::kSensors},
     {"earlier action", "", kPair, [](auto& options) { return options.commands - 1; },
      "the actions before, the newest first, at first the same", StateSource::kActions},
+    {"tracked obstacle", "m, m, m/s, m/s", kObstacle,
+     [](auto& options) { return options.tracked ? kObservedObstacles : 0; },
+     "place in 5 m and velocity in m/s of each of the obstacles that are nearest and move, as they "
+     "are tracked",
+     StateSource::kTracker},
     {"true speeds", "m/s, rad/s", kPair, [](auto& options) -> int { return options.privileged; },
      "the body's forward speed and turn rate, likewise", StateSource::kSimulator, true},
     {"nearest obstacle", "m, m, m/s, m/s", kObstacle,
-     [](auto& options) { return options.privileged ? kPrivilegedObstacles : 0; },
+     [](auto& options) { return options.privileged ? kObservedObstacles : 0; },
      "place in 5 m and velocity in m/s of each of the moving obstacles that are nearest",
      StateSource::kSimulator},
     {"drive", "s, s, 1, 1, m/s^2, rad/s^2", kDrive,

@@ -9,7 +9,7 @@
 namespace slalom::planners {
 
 PlannerAgent::PlannerAgent(const std::string& name, const PlannersConfig& config,
-                           const ScanGeometry& geometry, const env::ActionBounds& bounds,
+                           const env::ScanGeometry& geometry, const env::ActionBounds& bounds,
                            double step, base::ParallelFor* parallel)
     : name_(name),
       config_(config),

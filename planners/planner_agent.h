@@ -7,8 +7,8 @@
 #include "base/parallel.h"
 #include "env/action.h"
 #include "env/agent.h"
+#include "env/sensing/scan.h"
 #include "planners/navigation/navigator.h"
-#include "planners/navigation/scan.h"
 #include "planners/planner_registry.h"
 
 namespace slalom::planners {
@@ -29,8 +29,9 @@ class PlannerAgent : public env::Agent {
   /// which must outlive this object, or on the caller's thread if it is null.
   ///
   /// Throws `base::Error` if there is no planner of this name.
-  PlannerAgent(const std::string& name, const PlannersConfig& config, const ScanGeometry& geometry,
-               const env::ActionBounds& bounds, double step, base::ParallelFor* parallel);
+  PlannerAgent(const std::string& name, const PlannersConfig& config,
+               const env::ScanGeometry& geometry, const env::ActionBounds& bounds, double step,
+               base::ParallelFor* parallel);
   ~PlannerAgent() override;
 
   /// Leaves the actions of ended episodes unchanged.
@@ -54,7 +55,7 @@ class PlannerAgent : public env::Agent {
 
   const std::string name_;
   const PlannersConfig config_;
-  const ScanGeometry geometry_;
+  const env::ScanGeometry geometry_;
   const env::ActionBounds bounds_;
   const double step_;  // [s]
   base::ParallelFor* const parallel_;

@@ -21,10 +21,14 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   return config;
 }
 
+std::unique_ptr<env::ObstacleTracker> MakeTracker(const EnvironmentConfig& config) {
+  return std::make_unique<env::ObstacleTracker>(ScanGeometryOf(config), config.episode.step);
+}
+
 /// Place [m] and velocity [m/s] of each of the obstacles that are nearest at motion time `time`
 /// [s], in the robot's frame.
 auto NearestObstacles(const MovingObstacles& moving, double time, const base::Pose2& X_WR) {
-  constexpr int kMost = env::kPrivilegedObstacles;
+  constexpr int kMost = env::kObservedObstacles;
   const auto [sine, cosine] = base::SinCos(X_WR.yaw);
   const auto s = static_cast<float>(sine), c = static_cast<float>(cosine);
   std::array<std::array<double, 4>, kMost> nearest{};
@@ -76,6 +80,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   for (auto& body : make_bodies(config, scenes_, batch_size)) {
     Environment& environment = environments_.emplace_back(std::move(body), config);
     environment.moving.Reserve(max_moving);
+    if (config.observation.tracked) environment.tracker = MakeTracker(config);
     if (config.randomize.empty()) continue;
     environment.task = std::make_unique<RandomizedConfig>(config);
     if (environment.task->draws("lidar")) environment.lidar = std::make_unique<Lidar>(lidar_);
@@ -127,7 +132,10 @@ void CourseEnvironments::DrawTask(Environment& environment, std::uint64_t seed) 
   if (task.draws("robot")) {
     environment.robot = std::move(make_bodies_(config, {&environment.scene, 1}, 1).front());
   }
-  if (environment.lidar) environment.lidar->Configure(config.lidar, config.observation.range_clip);
+  if (environment.lidar) {
+    environment.lidar->Configure(config.lidar, config.observation.range_clip);
+    if (environment.tracker) environment.tracker = MakeTracker(config);
+  }
   environment.localisation = Localisation(config.localisation);
   environment.speed_sensor.Configure(config.localisation);
 }
@@ -152,6 +160,7 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
                                  base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.speed_sensor.Reset(base::DeriveSeed(spec.seed, "speed noise"));
+  if (environment.tracker) environment.tracker->Reset();
   std::ranges::fill(environment.actions, config_.action.Standstill());
   environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   environment.num_steps = 0;
@@ -328,6 +337,11 @@ void CourseEnvironments::Observe(int i) {
     write(env::FieldOf("speeds"), std::array{seen.forward, seen.turn_rate});
   }
   write(env::FieldOf("mounting"), std::array{lidar.mounting().x, lidar.mounting().y});
+  if (environment.tracker) {
+    const base::Pose2& X_OR = observations_.odometry[i].X_OR;
+    environment.tracker->Update(observations_.frame(i).ranges_cm, X_OR);
+    write(env::FieldOf("tracked obstacle"), environment.tracker->Observe(X_OR));
+  }
   if (!config_.observation.privileged) return;
   write(env::FieldOf("true speeds"), std::array{forward, turn_rate});
   write(env::FieldOf("nearest obstacle"), NearestObstacles(moving, environment.motion_time, X_WR));

@@ -9,6 +9,7 @@
 #include "base/parallel.h"
 #include "base/random.h"
 #include "env/environment.h"
+#include "env/sensing/obstacle_tracker.h"
 #include "env/state_layout.h"
 #include "sim/environment_config.h"
 #include "sim/lidar.h"
@@ -100,9 +101,10 @@ class CourseEnvironments : public env::BatchEnvironment {
           lidar_noise(0),
           actions(static_cast<std::size_t>(config.observation.commands)) {}
 
-    std::shared_ptr<const Scene> scene;      // Null before the first `Reset`.
-    std::unique_ptr<RandomizedConfig> task;  // Null if nothing is drawn.
-    std::unique_ptr<Lidar> lidar;            // Null if nothing of it is drawn.
+    std::shared_ptr<const Scene> scene;             // Null before the first `Reset`.
+    std::unique_ptr<RandomizedConfig> task;         // Null if nothing is drawn.
+    std::unique_ptr<Lidar> lidar;                   // Null if nothing of it is drawn.
+    std::unique_ptr<env::ObstacleTracker> tracker;  // Null if tracks are not observed.
     std::unique_ptr<RobotBody> robot;
     Localisation localisation;
     SpeedSensor speed_sensor;

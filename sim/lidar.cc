@@ -103,6 +103,14 @@ double LongestEcho(const LidarConfig& config) {
   return config.max_range - kMostNoise * noise - config.resolution;
 }
 
+env::ScanGeometry ScanGeometryOf(const EnvironmentConfig& environment) {
+  const LidarConfig& lidar = environment.lidar;
+  return {lidar.num_beams,
+          lidar.field_of_view,
+          {lidar.offset_x, lidar.offset_y},
+          std::min(environment.observation.range_clip, LongestEcho(lidar))};
+}
+
 void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
                  std::span<std::uint16_t> ranges_cm, const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));

@@ -6,6 +6,7 @@
 
 #include "base/geometry.h"
 #include "base/random.h"
+#include "env/sensing/scan.h"
 #include "sim/collision_map.h"
 #include "sim/environment_config.h"
 #include "sim/moving_obstacles.h"
@@ -17,6 +18,9 @@ namespace slalom::sim {
 /// The longest range that only a beam with an echo reports, [m]. A beam without one reads
 /// max_range plus noise, rounded.
 double LongestEcho(const LidarConfig& config);
+
+/// The scans of a task, as observations show them.
+env::ScanGeometry ScanGeometryOf(const EnvironmentConfig& environment);
 
 /// The range finder: casts planar scans against a `CollisionMap` and moving obstacles.
 ///

@@ -16,6 +16,7 @@
 #include "eval/oracle_agent.h"
 #include "planners/planner_agent.h"
 #include "sim/environments.h"
+#include "sim/lidar.h"
 
 namespace slalom::train {
 
@@ -71,7 +72,7 @@ eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersCo
   }
   return [name, config, &parallel](const sim::CourseEnvironments& environments) {
     const sim::EnvironmentConfig& environment = environments.config();
-    return std::make_unique<planners::PlannerAgent>(name, config, ScanGeometryOf(environment),
+    return std::make_unique<planners::PlannerAgent>(name, config, sim::ScanGeometryOf(environment),
                                                     environment.action, environment.episode.step,
                                                     &parallel);
   };

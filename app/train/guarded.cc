@@ -46,14 +46,6 @@ planners::GuidePlanner GuidePlannerOf(const sim::EnvironmentConfig& environment,
 
 }  // namespace
 
-planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment) {
-  const sim::LidarConfig& lidar = environment.lidar;
-  return {lidar.num_beams,
-          lidar.field_of_view,
-          {lidar.offset_x, lidar.offset_y},
-          std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
-}
-
 planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment) {
   // By Gazebo's law a wheel's grip is |cos| of its angle, which nobody on the robot knows.
   constexpr double kMeanOfCosine = 2.0 / std::numbers::pi;
@@ -80,7 +72,7 @@ planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment)
                     .angular_acceleration = robot.angular_acceleration,
                     .least_delay = robot.command_delay,
                     .delay = robot.command_delay + robot.command_jitter},
-          .scan = ScanGeometryOf(environment),
+          .scan = sim::ScanGeometryOf(environment),
           .bounds = environment.action,
           .step = environment.episode.step};
 }
@@ -96,7 +88,7 @@ std::unique_ptr<env::Agent> Guarded(std::unique_ptr<env::Agent> agent,
   }
   if (!guard.scan_matching) return agent;
   return std::make_unique<planners::ScanMatchingAgent>(std::move(agent),
-                                                       ScanGeometryOf(environment));
+                                                       sim::ScanGeometryOf(environment));
 }
 
 eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard) {

@@ -3,17 +3,14 @@
 #include <memory>
 
 #include "env/agent.h"
+#include "env/sensing/scan.h"
 #include "eval/evaluation.h"
 #include "planners/guard/guarded_agent.h"
-#include "planners/navigation/scan.h"
 #include "sim/environment_config.h"
 
 /// What stands between an agent and the robot of a task (planners/guard/).
 
 namespace slalom::train {
-
-/// The scans of a task, as observations show them.
-planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment);
 
 /// What a guard is told of the task's robot: outline, masses, wheels, friction, accelerations and
 /// the longest delay. Not what nobody could tell it: gains, imbalance, errors of the odometry.

@@ -26,6 +26,7 @@
 #include "planners/localisation/scan_matching_agent.h"
 #include "planners/planner_agent.h"
 #include "sim/environments.h"
+#include "sim/lidar.h"
 
 namespace slalom::train {
 namespace {
@@ -226,7 +227,7 @@ void LineDriver::LoadPolicy(const LineDriverOptions& options, const MakeLineAgen
   RunConfig config = trained.value_or(RunConfig{});
   LayOver(options, config, IsRobots, "[guard], or of [environment] for the robot that it guards");
   is_guarded_ = config.guard.guards();
-  reads_odometry_ = config.guard.enabled();
+  reads_odometry_ = config.guard.enabled() || spec.observation.tracked;
   has_map_ = config.guard.waypoints;
   if (reads_odometry_) {
     sim::CheckConsistent(config.environment);
@@ -239,6 +240,9 @@ void LineDriver::LoadPolicy(const LineDriverOptions& options, const MakeLineAgen
   environment_ = config.environment;
   observed_ = spec.observation;
   bounds_ = spec.actions;
+  if (observed_.tracked) {
+    tracker_.emplace(sim::ScanGeometryOf(environment_), environment_.episode.step);
+  }
   agent_ = Guarded(make_agent(std::move(loaded.snapshot), config), config.guard, environment_);
 }
 
@@ -260,7 +264,7 @@ void LineDriver::MakePlanner(const LineDriverOptions& options) {
   observed_ = sim::MakeObservationSpec(environment_);
   bounds_ = environment_.action;
   agent_ = Guarded(std::make_unique<planners::PlannerAgent>(
-                       name, config.planners, ScanGeometryOf(environment_), bounds_,
+                       name, config.planners, sim::ScanGeometryOf(environment_), bounds_,
                        environment_.episode.step, /*parallel=*/nullptr),
                    config.guard, environment_);
 }
@@ -357,6 +361,11 @@ void LineDriver::ReadState(const json& given) {
   const std::span<const float> actions = env::NumbersOf(last_);
   writer.Write(env::FieldOf("last action"), actions.first(env::kActionSize), state);
   writer.Write(env::FieldOf("earlier action"), actions.subspan(env::kActionSize), state);
+  if (!tracker_) return;
+  const base::Pose2& X_OR = observations_.odometry[0].X_OR;
+  if (observations_.first[0]) tracker_->Reset();
+  tracker_->Update(observations_.frame(0).ranges_cm, X_OR);
+  writer.Write(env::FieldOf("tracked obstacle"), tracker_->Observe(X_OR), state);
 }
 
 /// Whatever frame the robot knows its pose in, a guard gets it in that of the first pose.

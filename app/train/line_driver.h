@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "env/action.h"
 #include "env/agent.h"
 #include "env/observation.h"
+#include "env/sensing/obstacle_tracker.h"
 #include "planners/localisation/scan_matching_agent.h"
 #include "policy/policy.h"
 #include "sim/environment_config.h"
@@ -65,12 +67,13 @@ class LineDriver {
   sim::EnvironmentConfig environment_;
   env::ObservationSpec observed_;
   env::ActionBounds bounds_;
-  bool reads_odometry_ = false;  // A guard or a planner does.
+  bool reads_odometry_ = false;  // A guard, a planner or a tracker does.
   bool is_guarded_ = false;
   bool has_map_ = false;            // A planner or a guard that shows the way has one.
   env::Action* command_ = nullptr;  // Of others, which the agent only repeats.
   std::unique_ptr<env::Agent> agent_;
   const planners::ScanMatchingAgent* matching_ = nullptr;  // The agent, if it matches scans.
+  std::optional<env::ObstacleTracker> tracker_;            // If the policy observes tracks.
   env::ObservationBatch observations_;
   base::Pose2 X_WO_;  // Where the episode began.
   std::vector<std::string_view> keys_ = {"ranges"};

@@ -44,7 +44,7 @@ void GuardedAgent::Act(const env::ObservationBatch& observations, std::span<floa
     if (guard.shield) {
       if (observations.first[i] != 0) guard.shield->Reset();
       const auto ranges_cm = observations.frame(i).ranges_cm;
-      std::span<const Track> tracks;
+      std::span<const env::Track> tracks;
       if (guard.tracker) {
         if (observations.first[i] != 0) guard.tracker->Reset();
         guard.tracker->Update(ranges_cm, observations.odometry[i].X_OR);

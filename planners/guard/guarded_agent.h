@@ -8,17 +8,17 @@
 
 #include "env/action.h"
 #include "env/agent.h"
+#include "env/sensing/obstacle_tracker.h"
 #include "planners/guard/guard_config.h"
 #include "planners/guard/guide.h"
 #include "planners/guard/shield.h"
-#include "planners/tracking/obstacle_tracker.h"
 
 namespace slalom::planners {
 
 /// What a guard must know of the robots that it guards. A value.
 struct GuardedRobot {
   RobotModel model;
-  ScanGeometry scan;
+  env::ScanGeometry scan;
   env::ActionBounds bounds;
   double step = 0.2;     ///< Control step, [s].
   GuidePlanner guide{};  ///< Needed for `guard.waypoints` alone.
@@ -44,7 +44,7 @@ class GuardedAgent : public env::Agent {
  private:
   struct Guard {
     std::optional<Shield> shield;
-    std::optional<ObstacleTracker> tracker;
+    std::optional<env::ObstacleTracker> tracker;
     std::unique_ptr<Guide> guide;
     std::optional<Twist> command;  // Of the guide, in place of the agent's.
     bool intervened = false;

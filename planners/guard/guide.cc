@@ -17,12 +17,13 @@ constexpr double kPathPatience = 2.0;  // Times `rescue_after`: how long a way m
 
 }  // namespace
 
-Guide::Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
-             double step)
+Guide::Guide(const GuardConfig& config, const GuidePlanner& planner,
+             const env::ScanGeometry& geometry, double step)
     : Guide(config, planner, geometry, step, std::make_unique<RestingPlanner>(planner.make())) {}
 
-Guide::Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
-             double step, std::unique_ptr<RestingPlanner> resting)
+Guide::Guide(const GuardConfig& config, const GuidePlanner& planner,
+             const env::ScanGeometry& geometry, double step,
+             std::unique_ptr<RestingPlanner> resting)
     : config_(config),
       step_(step),
       planner_(resting.get()),

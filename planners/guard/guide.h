@@ -10,10 +10,10 @@
 
 #include "base/geometry.h"
 #include "env/observation.h"
+#include "env/sensing/scan.h"
 #include "planners/guard/guard_config.h"
 #include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigator.h"
-#include "planners/navigation/scan.h"
 
 /// Frames: `O` odometry (fixed to the ground), `R` the robot. Shapes: `N` beams.
 
@@ -51,7 +51,7 @@ class RestingPlanner : public LocalPlanner {
 class Guide {
  public:
   /// `step`: control step, [s].
-  Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
+  Guide(const GuardConfig& config, const GuidePlanner& planner, const env::ScanGeometry& geometry,
         double step);
 
   /// Begins an episode, and forgets everything before. `seed`: of the planner's random numbers.
@@ -82,7 +82,7 @@ class Guide {
     base::Vec2 waypoint_O;
   };
 
-  Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
+  Guide(const GuardConfig& config, const GuidePlanner& planner, const env::ScanGeometry& geometry,
         double step, std::unique_ptr<RestingPlanner> resting);
   int Steps(double time) const;
   Way WayFrom(base::Vec2 p_O) const;

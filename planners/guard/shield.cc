@@ -123,8 +123,8 @@ int NeighboursFor(std::span<const std::uint16_t> ranges_cm) {
 
 }  // namespace
 
-Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeometry& geometry,
-               const env::ActionBounds& bounds, double step)
+Shield::Shield(const GuardConfig& config, const RobotModel& robot,
+               const env::ScanGeometry& geometry, const env::ActionBounds& bounds, double step)
     : config_(config),
       robot_(robot),
       geometry_(geometry),
@@ -143,7 +143,7 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       kept_(reach_ + kKeptBeyond),
       cos_view_(std::cos(0.5 * geometry.field_of_view)),
       angle_step_(geometry.field_of_view / (geometry.num_beams - 1)),
-      directions_R_(BeamDirections(geometry)),
+      directions_R_(env::BeamDirections(geometry)),
       grid_(GridOf(bounds, kLinearChoices, kAngularChoices)),
       coarse_grid_(GridOf(bounds, kCoarseLinearChoices, kCoarseAngularChoices)) {
   const auto ahead = static_cast<float>(bounds.linear_mps({1.0f, 0.0f}));
@@ -185,7 +185,7 @@ void Shield::Drive(int begin, int end, int delay, Motion& motion) const {
 }
 
 void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry,
-                 std::span<const Track> tracks) {
+                 std::span<const env::Track> tracks) {
   SLALOM_CHECK_EQ(ranges_cm.size(), directions_R_.size());
   // Nothing is forgotten while the robot stands: what is behind it is still there.
   moves_ = base::Norm(odometry.X_OR.p - X_OR_.p) > kStands ||
@@ -234,11 +234,12 @@ double Shield::Smoothed(std::span<const std::uint16_t> ranges_cm, int beam, int 
 
 /// Takes the near points of the scan, and keeps those seen before in directions where the range
 /// finder does not look now. Lists those that matter, the nearest first.
-void Shield::LookAround(std::span<const std::uint16_t> ranges_cm, std::span<const Track> tracks) {
+void Shield::LookAround(std::span<const std::uint16_t> ranges_cm,
+                        std::span<const env::Track> tracks) {
   const int neighbours = NeighboursFor(ranges_cm);
   is_moving_.assign(ranges_cm.size(), 0);
   moving_.clear();
-  for (const Track& track : tracks) AddTrack(ranges_cm, track, neighbours);
+  for (const env::Track& track : tracks) AddTrack(ranges_cm, track, neighbours);
   near_.clear();
   const base::SinCosResult yaw = base::SinCos(X_OR_.yaw);
   const auto matters = [&](base::Vec2 p_R) {
@@ -274,7 +275,7 @@ void Shield::LookAround(std::span<const std::uint16_t> ranges_cm, std::span<cons
 
 /// Takes the points that show what moves, if it can come near within the horizon; those of a circle
 /// if it is hidden.
-void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& track,
+void Shield::AddTrack(std::span<const std::uint16_t> ranges_cm, const env::Track& track,
                       int neighbours) {
   const base::Vec2 v_R = base::InverseTransform({{}, X_OR_.yaw}, track.v_O);
   const double way = (robot_.delay + step_ticks_ * tick_ + kHorizon) * base::Norm(v_R);

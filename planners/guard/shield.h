@@ -8,11 +8,11 @@
 #include "base/geometry.h"
 #include "env/action.h"
 #include "env/observation.h"
+#include "env/sensing/obstacle_tracker.h"
+#include "env/sensing/scan.h"
 #include "planners/guard/drive_model.h"
 #include "planners/guard/guard_config.h"
 #include "planners/navigation/local_planner.h"
-#include "planners/navigation/scan.h"
-#include "planners/tracking/obstacle_tracker.h"
 
 /// Frames: `O` odometry (fixed to the ground), `R` the robot. Shapes: `N` beams.
 
@@ -36,7 +36,7 @@ namespace slalom::planners {
 class Shield {
  public:
   /// `bounds`: the commands to choose from. `step`: time for which a command is held, [s].
-  Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeometry& geometry,
+  Shield(const GuardConfig& config, const RobotModel& robot, const env::ScanGeometry& geometry,
          const env::ActionBounds& bounds, double step);
 
   /// Begins an episode with a robot at rest, and forgets everything before.
@@ -46,7 +46,7 @@ class Shield {
   /// what moves by that scan. Once for each `Choose`, before it.
   /// Requires: ranges_cm.size() == num_beams.
   void See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry,
-           std::span<const Track> tracks = {});
+           std::span<const env::Track> tracks = {});
 
   /// A command, and how much room it leaves.
   struct Choice {
@@ -74,8 +74,8 @@ class Shield {
   Twist CommandAt(int tick, int delay) const;
   void Drive(int begin, int end, int delay, Motion& motion) const;
   double Smoothed(std::span<const std::uint16_t> ranges_cm, int beam, int neighbours) const;
-  void LookAround(std::span<const std::uint16_t> ranges_cm, std::span<const Track> tracks);
-  void AddTrack(std::span<const std::uint16_t> ranges_cm, const Track& track, int neighbours);
+  void LookAround(std::span<const std::uint16_t> ranges_cm, std::span<const env::Track> tracks);
+  void AddTrack(std::span<const std::uint16_t> ranges_cm, const env::Track& track, int neighbours);
   float MarginOf(const Twist& command) const;
   Lanes RoomAt(const Motion& motion) const;
   Lanes RoomToMoving(const Motion& motion, int tick) const;
@@ -88,7 +88,7 @@ class Shield {
 
   const GuardConfig config_;
   const RobotModel robot_;
-  const ScanGeometry geometry_;
+  const env::ScanGeometry geometry_;
   const env::ActionBounds bounds_;
   const int step_ticks_, delay_ticks_, least_delay_ticks_, memory_steps_;
   const DriveModel drive_;

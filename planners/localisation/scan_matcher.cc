@@ -30,8 +30,8 @@ constexpr double kLeastWay = 0.01;       // [m]
 
 }  // namespace
 
-ScanMatcher::ScanMatcher(const ScanGeometry& geometry)
-    : geometry_(geometry), directions_R_(BeamDirections(geometry)) {}
+ScanMatcher::ScanMatcher(const env::ScanGeometry& geometry)
+    : geometry_(geometry), directions_R_(env::BeamDirections(geometry)) {}
 
 void ScanMatcher::Reset() { num_scans_ = 0; }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "planners/navigation/scan.h"
+#include "env/sensing/scan.h"
 
 /// Frames: `O` odometry, which drifts, `M` the map, equal to O where an episode begins, `R` the
 /// robot. Shapes: `N` beams.
@@ -28,7 +28,7 @@ namespace slalom::planners {
 /// scan; 2 MB.
 class ScanMatcher {
  public:
-  explicit ScanMatcher(const ScanGeometry& geometry);
+  explicit ScanMatcher(const env::ScanGeometry& geometry);
 
   /// Forgets everything. The next pose becomes the one that odometry says.
   void Reset();
@@ -71,7 +71,7 @@ class ScanMatcher {
                  base::Pose2& X_MR) const;
   void Insert(const base::Pose2& X_MR);
 
-  const ScanGeometry geometry_;
+  const env::ScanGeometry geometry_;
   const std::vector<base::Vec2> directions_R_;  // [N]
   std::vector<base::Vec2> points_R_;            // Of the scan, those with an echo, [m].
   std::vector<Pair> pairs_;

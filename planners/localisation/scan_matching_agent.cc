@@ -10,7 +10,7 @@
 namespace slalom::planners {
 
 ScanMatchingAgent::ScanMatchingAgent(std::unique_ptr<env::Agent> agent,
-                                     const ScanGeometry& geometry)
+                                     const env::ScanGeometry& geometry)
     : agent_(std::move(agent)), geometry_(geometry) {}
 
 void ScanMatchingAgent::Act(const env::ObservationBatch& observations, std::span<float> actions) {

@@ -15,7 +15,7 @@ namespace slalom::planners {
 /// size changes.
 class ScanMatchingAgent : public env::Agent {
  public:
-  ScanMatchingAgent(std::unique_ptr<env::Agent> agent, const ScanGeometry& geometry);
+  ScanMatchingAgent(std::unique_ptr<env::Agent> agent, const env::ScanGeometry& geometry);
 
   /// Requires: observations.num_beams == geometry.num_beams; in the first call, and in a call with
   /// another batch size, first[i] is set for all i.
@@ -32,7 +32,7 @@ class ScanMatchingAgent : public env::Agent {
 
  private:
   const std::unique_ptr<env::Agent> agent_;
-  const ScanGeometry geometry_;
+  const env::ScanGeometry geometry_;
   std::vector<ScanMatcher> matchers_;  // [B]
   env::ObservationBatch shown_;
 };

@@ -54,7 +54,7 @@ std::string_view ToString(NavigatorState state) {
 }
 
 Navigator::Navigator(const NavigationConfig& config, const PlannerNavigationConfig& planner_config,
-                     const ScanGeometry& geometry, double step,
+                     const env::ScanGeometry& geometry, double step,
                      std::unique_ptr<LocalPlanner> planner)
     : config_(config),
       planner_config_(planner_config),
@@ -112,7 +112,7 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
 }
 
 void Navigator::Look(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR) {
-  ScanRays& scan = NewestScan();
+  env::ScanRays& scan = NewestScan();
   projector_.Project(ranges_cm, X_OR, scan);
   local_map_.Mark(scan, X_OR);
   global_map_->Mark(scan, X_OR);
@@ -134,14 +134,14 @@ Navigator::Motion Navigator::AfterDelay(Motion motion) const {
   return motion;
 }
 
-ScanRays& Navigator::NewestScan() {
+env::ScanRays& Navigator::NewestScan() {
   return scans_[static_cast<std::size_t>(num_steps_) % scans_.size()];
 }
 
 void Navigator::UpdateMaps(const base::Pose2& X_OR) {
   const auto age = static_cast<std::int64_t>(scans_.size()) - 1;
   if (num_steps_ < age) return;  // No scan is old enough.
-  const ScanRays& scan = scans_[static_cast<std::size_t>(num_steps_ - age) % scans_.size()];
+  const env::ScanRays& scan = scans_[static_cast<std::size_t>(num_steps_ - age) % scans_.size()];
   if (Due(config_.local_map_rate)) local_map_.Update(scan, X_OR);
   if (Due(config_.global_map_rate)) {
     global_change_ = Union(global_change_, global_map_->Update(scan, X_OR));

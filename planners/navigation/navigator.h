@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "base/geometry.h"
+#include "env/sensing/scan.h"
 #include "planners/navigation/footprint.h"
 #include "planners/navigation/global_planner.h"
 #include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 #include "planners/navigation/obstacle_map.h"
 #include "planners/navigation/rotate_recovery.h"
-#include "planners/navigation/scan.h"
 
 /// Frames: `O` odometry, `R` the robot. Shapes: `N` beams.
 
@@ -61,7 +61,7 @@ class Navigator {
   /// `step`: time between two calls of `Step`, [s]. An activity with a configured rate runs in
   /// every round(1 / (rate * step))-th call. Requires: planner is not null, step > 0.
   Navigator(const NavigationConfig& config, const PlannerNavigationConfig& planner_config,
-            const ScanGeometry& geometry, double step, std::unique_ptr<LocalPlanner> planner);
+            const env::ScanGeometry& geometry, double step, std::unique_ptr<LocalPlanner> planner);
 
   /// Begins an episode with the robot at X_OR and a goal, and forgets everything before. `seed` is
   /// for the local planner.
@@ -91,7 +91,7 @@ class Navigator {
   double now() const { return num_steps_ * step_; }
   bool Due(double rate) const;
   Motion AfterDelay(Motion motion) const;
-  ScanRays& NewestScan();
+  env::ScanRays& NewestScan();
   void UpdateMaps(const base::Pose2& X_OR);
   void SizeGlobalMap(base::Vec2 way);
   void SendGoal();
@@ -106,9 +106,9 @@ class Navigator {
   const PlannerNavigationConfig planner_config_;
   const double step_;  // [s]
   const PaddedFootprint footprint_;
-  const ScanProjector projector_;
+  const env::ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
-  std::vector<ScanRays> scans_;  // Scans of the last steps, a ring as long as `scan_age`.
+  std::vector<env::ScanRays> scans_;  // Scans of the last steps, a ring as long as `scan_age`.
   ObstacleMap local_map_;
   std::optional<ObstacleMap> global_map_;  // Set by the first Reset.
   GlobalPlanner global_planner_;

@@ -61,7 +61,7 @@ void ObstacleMap::Reset(base::Vec2 centre_O) {
   stale_ = false;
 }
 
-CellWindow ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
+CellWindow ObstacleMap::Update(const env::ScanRays& scan, const base::Pose2& X_OR) {
   const bool moved = config_.rolling && RollTo(X_OR.p);
   const double radius = config_.raytrace_range + footprint_.circumscribed_radius() +
                         base::Norm(scan.sensor_O - X_OR.p) + 2.0 * config_.resolution;
@@ -82,13 +82,13 @@ CellWindow ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
   return moved ? WholeMap() : changed;
 }
 
-void ObstacleMap::Mark(const ScanRays& scan, const base::Pose2& X_OR) {
+void ObstacleMap::Mark(const env::ScanRays& scan, const base::Pose2& X_OR) {
   stale_ = true;
   if (config_.rolling) RollTo(X_OR.p);
   Take(scan, X_OR);
 }
 
-void ObstacleMap::Take(const ScanRays& scan, const base::Pose2& X_OR) {
+void ObstacleMap::Take(const env::ScanRays& scan, const base::Pose2& X_OR) {
   if (!config_.marks_stay) Trace(scan);
   CoveredCells(costmap_, footprint_, X_OR, under_robot_);
   for (const CellIndex c : under_robot_) obstacles_[costmap_.Index(c)] = kFreeCost;
@@ -137,7 +137,7 @@ bool ObstacleMap::RollTo(base::Vec2 centre_O) {
   return true;
 }
 
-void ObstacleMap::Trace(const ScanRays& scan) {
+void ObstacleMap::Trace(const env::ScanRays& scan) {
   const CellIndex sensor = costmap_.CellAt(scan.sensor_O);
   if (!costmap_.Contains(sensor)) return;
   const int reach = static_cast<int>(std::ceil(config_.raytrace_range / config_.resolution));
@@ -147,7 +147,7 @@ void ObstacleMap::Trace(const ScanRays& scan) {
   std::uint8_t* const cells = obstacles_.data();
   marks_.clear();
   CellIndex last_end{-1, -1};
-  for (const ScanRay& ray : scan.rays) {
+  for (const env::ScanRay& ray : scan.rays) {
     if (!ray.hit) continue;
     const CellIndex end = costmap_.CellAt(ray.p_O);
     const bool marks = base::Norm(ray.p_O - scan.sensor_O) < config_.obstacle_range;

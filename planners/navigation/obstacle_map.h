@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "base/geometry.h"
+#include "env/sensing/scan.h"
 #include "planners/navigation/costmap.h"
 #include "planners/navigation/footprint.h"
 #include "planners/navigation/inflation.h"
-#include "planners/navigation/scan.h"
 
 /// Frames: `O` odometry, `R` the robot.
 
@@ -46,10 +46,10 @@ class ObstacleMap {
   /// Updates the map from a scan with the robot at X_OR. Returns a window that contains all changed
   /// costs; it is the whole map if the map moved. Costs are computed near the obstacles that came
   /// or went. Cost: O(beams * their cells), a few 10 us for 720 beams.
-  CellWindow Update(const ScanRays& scan, const base::Pose2& X_OR);
+  CellWindow Update(const env::ScanRays& scan, const base::Pose2& X_OR);
 
   /// Takes a scan likewise, and leaves all costs to the next update: a fraction of its work.
-  void Mark(const ScanRays& scan, const base::Pose2& X_OR);
+  void Mark(const env::ScanRays& scan, const base::Pose2& X_OR);
 
   /// Forgets the obstacles outside the axis-parallel square around `p_O` whose side is `side` [m].
   /// Returns a window that contains all changed costs.
@@ -61,8 +61,8 @@ class ObstacleMap {
 
  private:
   bool RollTo(base::Vec2 centre_O);
-  void Take(const ScanRays& scan, const base::Pose2& X_OR);
-  void Trace(const ScanRays& scan);
+  void Take(const env::ScanRays& scan, const base::Pose2& X_OR);
+  void Trace(const env::ScanRays& scan);
   CellWindow WindowAround(base::Vec2 p_O, double radius) const;
   CellWindow WholeMap() const { return {0, 0, costmap_.size_x(), costmap_.size_y()}; }
   CellWindow InflateChanges(const CellWindow& window);

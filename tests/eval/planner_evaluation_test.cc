@@ -19,10 +19,10 @@ Evaluation Drive(int num_environments, base::ParallelFor* parallel) {
   task.robot.control_rate = 100.0;
   const auto make_agent = [&](const sim::CourseEnvironments& environments) {
     const sim::EnvironmentConfig& environment = environments.config();
-    const planners::ScanGeometry geometry{environment.lidar.num_beams,
-                                          environment.lidar.field_of_view,
-                                          {environment.lidar.offset_x, environment.lidar.offset_y},
-                                          environment.observation.range_clip};
+    const env::ScanGeometry geometry{environment.lidar.num_beams,
+                                     environment.lidar.field_of_view,
+                                     {environment.lidar.offset_x, environment.lidar.offset_y},
+                                     environment.observation.range_clip};
     return std::make_unique<planners::PlannerAgent>("dwa", planners::PlannersConfig{}, geometry,
                                                     environment.action, environment.episode.step,
                                                     parallel);

@@ -39,7 +39,7 @@ Posts ShutInAt(base::Vec2 p_O) {
 }
 
 /// Ranges to the posts, [cm].
-std::vector<std::uint16_t> Scan(const ScanGeometry& geometry, const Posts& posts,
+std::vector<std::uint16_t> Scan(const env::ScanGeometry& geometry, const Posts& posts,
                                 const base::Pose2& X_OR) {
   const base::Vec2 sensor_O = base::Transform(X_OR, geometry.p_RS);
   std::vector<std::uint16_t> ranges;
@@ -114,7 +114,7 @@ PlannersConfig Settings(bool shifted) {
 /// while, on the way there.
 std::uint64_t DriveAndHash(const std::string& name, bool shifted) {
   const PlannersConfig config = Settings(shifted);
-  const ScanGeometry geometry{.num_beams = 360};
+  const env::ScanGeometry geometry{.num_beams = 360};
   Navigator navigator(config.navigation, NavigationOf(name, config), geometry, 0.05,
                       MakeLocalPlanner(name, config));
   Hash hash;

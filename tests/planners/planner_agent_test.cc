@@ -28,7 +28,7 @@ sim::EnvironmentConfig TaskAt20Hz() {
   return config;
 }
 
-ScanGeometry GeometryOf(const sim::EnvironmentConfig& config) {
+env::ScanGeometry GeometryOf(const sim::EnvironmentConfig& config) {
   return {.num_beams = config.lidar.num_beams,
           .field_of_view = config.lidar.field_of_view,
           .p_RS = {config.lidar.offset_x, 0.0},

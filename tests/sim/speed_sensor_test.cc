@@ -1,5 +1,6 @@
 #include "sim/speed_sensor.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -195,7 +196,7 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
       std::size_t k = 2;
       if (std::ssize(all) == moving.size()) {
         for (const auto& [distance, obstacle] : all) {
-          if (k == 2 + 4 * env::kPrivilegedObstacles) break;
+          if (k == 2 + 4 * env::kObservedObstacles) break;
           EXPECT_NEAR(5.0f * state[k], obstacle[0], 1e-4);
           EXPECT_NEAR(5.0f * state[k + 1], obstacle[1], 1e-4);
           EXPECT_NEAR(state[k + 2], obstacle[2], 0.02);
@@ -203,7 +204,7 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
           k += 4;
           ++num_compared;
         }
-        for (; k < 2 + 4 * env::kPrivilegedObstacles; ++k) EXPECT_EQ(state[k], 0.0f);
+        for (; k < 2 + 4 * env::kObservedObstacles; ++k) EXPECT_EQ(state[k], 0.0f);
       }
       const auto drive = state.last(6);
       EXPECT_GE(drive[0], 0.0f);
@@ -238,6 +239,60 @@ TEST(EnvironmentsTest, PrivilegedNumbersComeLastAndChangeNothingElse) {
     environments.Step(env::NumbersOf(action), results);
     plain.Step(env::NumbersOf(action), results);
   }
+}
+
+// With a range finder that is drawn, too, tracks are those of a tracker that reads what the robot
+// is shown, and a second episode knows nothing of the first.
+TEST(EnvironmentsTest, TrackedNumbersAreThoseOfATrackerOfTheFrames) {
+  EnvironmentConfig config;
+  config.observation.tracked = true;
+  config.randomize = {{"lidar.offset_x", {"[-0.2, 0.2]", ""}}};
+  config.observation.mounting = true;
+  CourseEnvironments environments(config, MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0)),
+                                  1, nullptr);
+  std::vector<env::StepResult> results(1);
+  const std::size_t place = env::StateSize({.mounting = true});
+  int num_tracks = 0, num_far = 0;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    environments.Reset(0, {static_cast<int>(seed % 2), seed});
+    EnvironmentConfig drawn = config;
+    drawn.lidar.offset_x = static_cast<double>(environments.observations().state[4]) / 10.0;
+    env::ObstacleTracker tracker(ScanGeometryOf(drawn), config.episode.step);
+    const MovingObstacles& moving = environments.scene(0).moving_obstacles();
+    for (int step = 0; step < 10; ++step) {
+      const env::FrameView frame = environments.observations().frame(0);
+      const base::Pose2& X_OR = environments.observations().odometry[0].X_OR;
+      tracker.Update(frame.ranges_cm, X_OR);
+      const auto tracked = frame.state.subspan(place, 4 * env::kObservedObstacles);
+      for (std::size_t k = 0; k < env::kObservedObstacles; ++k) {
+        const auto seen = tracked.subspan(4 * k, 4);
+        if (k >= tracker.tracks().size()) {
+          EXPECT_THAT(seen, testing::Each(0.0f));
+          continue;
+        }
+        const env::Track& track = tracker.tracks()[k];
+        const base::Vec2 p_O = base::Transform(X_OR, {5.0 * seen[0], 5.0 * seen[1]});
+        const base::Vec2 v_O = base::Transform({{}, X_OR.yaw}, {seen[2], seen[3]});
+        EXPECT_NEAR(base::Norm(p_O - track.p_O), 0.0, 2e-3);
+        EXPECT_NEAR(base::Norm(v_O - track.v_O), 0.0, 1e-4);
+        // What is tracked is there.
+        double nearest = 1e9;
+        for (int i = 0; i < moving.size(); ++i) {
+          const MovingShape shape = moving.At(i, environments.motion_time(0));
+          const base::Vec2 p_R =
+              base::InverseTransform(environments.robot_pose(0), {shape.box.x, shape.box.y});
+          nearest = std::min(nearest, base::Norm(p_R - base::Vec2{5.0 * seen[0], 5.0 * seen[1]}));
+        }
+        ++num_tracks;
+        num_far += nearest > 0.5;
+      }
+      const std::vector<env::Action> action = {ActionOf(step)};
+      environments.Step(env::NumbersOf(action), results);
+      if (results[0].ended()) break;
+    }
+  }
+  EXPECT_GT(num_tracks, 20);
+  EXPECT_LE(num_far, num_tracks / 5);
 }
 
 TEST(EnvironmentsTest, ObservedSpeedsHaveTheirNoiseAndNothingElseChanges) {

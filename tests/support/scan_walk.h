@@ -10,7 +10,7 @@
 
 #include "base/geometry.h"
 #include "base/random.h"
-#include "planners/navigation/scan.h"
+#include "env/sensing/scan.h"
 #include "sim/courses/course.h"
 #include "sim/lidar.h"
 #include "sim/localisation.h"
@@ -41,7 +41,7 @@ class ScanWalk {
     localisation_.Reset(course.start, seed);
   }
 
-  planners::ScanGeometry geometry() const {
+  env::ScanGeometry geometry() const {
     return {.num_beams = lidar_.num_beams(), .p_RS = lidar_.mounting(), .clip = kClip};
   }
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "planners/navigation/scan.h"
-#include "planners/tracking/obstacle_tracker.h"
+#include "env/sensing/obstacle_tracker.h"
+#include "env/sensing/scan.h"
 #include "sim/moving_obstacles.h"
 #include "tests/support/scan_walk.h"
 
@@ -34,13 +34,13 @@ class SeenObstacles {
   void Look() {
     const sim::MovingObstacles& moving = walk_.scene().moving_obstacles();
     const base::Pose2 &start = walk_.scene().course().start, &X_WR = walk_.pose();
-    planners::ScanRays rays_W;
+    env::ScanRays rays_W;
     projector_.Project(walk_.ranges_cm(), X_WR, rays_W);
     for (std::size_t i = 0; i < obstacles_.size(); ++i) {
       const int index = static_cast<int>(i);
       const sim::MovingShape shape = moving.At(index, walk_.time());
       const base::Pose2 X_WB{{shape.box.x, shape.box.y}, shape.box.yaw};
-      const auto num_beams = std::ranges::count_if(rays_W.rays, [&](const planners::ScanRay& ray) {
+      const auto num_beams = std::ranges::count_if(rays_W.rays, [&](const env::ScanRay& ray) {
         if (!ray.hit) return false;
         const base::Vec2 p_B = base::InverseTransform(X_WB, ray.p_O);
         if (shape.radius > 0.0f) return std::abs(base::Norm(p_B) - shape.radius) < kNear;
@@ -65,7 +65,7 @@ class SeenObstacles {
   static constexpr double kNear = 0.08;  // More than the noise, [m].
 
   const ScanWalk& walk_;
-  const planners::ScanProjector projector_;
+  const env::ScanProjector projector_;
   std::vector<Obstacle> obstacles_;
 };
 
@@ -75,14 +75,14 @@ struct TrackingErrors {
   double place = 0.0, velocity = 0.0, speed = 0.0;  ///< Of those found, [m], [m/s].
 
   /// An obstacle is to be found once it was seen in `least_scans` scans.
-  void Add(const SeenObstacles& seen, const ScanWalk& walk, std::span<const planners::Track> tracks,
+  void Add(const SeenObstacles& seen, const ScanWalk& walk, std::span<const env::Track> tracks,
            int least_scans = 3) {
     // The tracker's frame drifts with the odometry.
     const base::Pose2 X_OR = walk.odometry(), truth = walk.truth();
     const auto drifted = [&](base::Vec2 p_O) {
       return base::Transform(X_OR, base::InverseTransform(truth, p_O));
     };
-    for (const planners::Track& track : tracks) {
+    for (const env::Track& track : tracks) {
       ++num_tracks;
       num_false += std::ranges::none_of(seen.obstacles(), [&](const auto& obstacle) {
         return base::Norm(track.p_O - drifted(obstacle.p_O)) < obstacle.radius + 0.3;
@@ -91,9 +91,9 @@ struct TrackingErrors {
     for (const SeenObstacles::Obstacle& obstacle : seen.obstacles()) {
       if (obstacle.num_scans < least_scans) continue;
       ++num_obstacles;
-      const planners::Track* nearest = nullptr;
+      const env::Track* nearest = nullptr;
       double least = obstacle.radius + 0.3;
-      for (const planners::Track& track : tracks) {
+      for (const env::Track& track : tracks) {
         const double distance = base::Norm(track.p_O - drifted(obstacle.p_O));
         if (distance < least) least = distance, nearest = &track;
       }

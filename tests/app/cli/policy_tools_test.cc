@@ -15,6 +15,7 @@
 #include "base/random.h"
 #include "planners/localisation/scan_matching_agent.h"
 #include "policy/network_agent.h"
+#include "sim/courses/course_sets.h"
 #include "sim/environments.h"
 #include "tests/app/cli/program.h"
 #include "tests/policy/nn/network_cases.h"
@@ -57,6 +58,7 @@ struct Drive {
   std::string lines;                 // For `slalom act`, which is told of no action.
   std::vector<env::Action> actions;  // The agent's, from the simulator's own frames.
   std::vector<bool> guarded;
+  int num_tracked = 0;               // Frames that show something that moves.
   std::vector<base::Pose2> matched;  // By scan matching, in the map's frame.
 };
 
@@ -64,8 +66,10 @@ struct Drive {
 Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::EnvironmentConfig& task,
                     const planners::GuardConfig& guard = {}, int num_steps = 10) {
   base::Random random(4);
-  sim::CourseEnvironments environments(task, {sim::MakeScene(RandomCourse(random, {}))}, 1,
-                                       nullptr);
+  const auto scenes = task.observation.tracked
+                          ? sim::MakeScenes(sim::ResolveCourses("generated-crowds:3:1", {}, 0))
+                          : std::vector{sim::MakeScene(RandomCourse(random, {}))};
+  sim::CourseEnvironments environments(task, scenes, 1, nullptr);
   const auto agent = train::Guarded(std::make_unique<policy::NetworkAgent>(policy), guard, task);
   const env::ObservationSpec& seen = policy.spec.observation;
   const base::Pose2 X_MO = {{4.5e5, -5.2e6}, 2.0};  // A map that begins elsewhere.
@@ -83,12 +87,13 @@ Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::Environment
         line["speeds"] = {policy.spec.actions.linear_mps(speeds),
                           policy.spec.actions.angular_radps(speeds)};
       }
-      if (guard.enabled()) {
+      if (guard.enabled() || seen.tracked) {
         const env::Odometry& odometry = environments.observations().odometry[0];
         const base::Vec2 p_M = base::Transform(X_MO, odometry.X_OR.p);
         line["pose"] = {p_M.x, p_M.y, X_MO.yaw + odometry.X_OR.yaw - 20.0 * base::kPi};
         line["speeds"] = {odometry.linear, odometry.angular};
       }
+      if (seen.tracked) drive.num_tracked += frame.state[4] != 0.0f;
       if (seen.mounting) line["mounting"] = {task.lidar.offset_x, task.lidar.offset_y};
       if (seed == 2 && step == 0) line["first"] = true;
       drive.lines += line.dump() + "\n";
@@ -222,6 +227,35 @@ policy::PolicySnapshot RandomPolicyOf(const sim::EnvironmentConfig& task) {
   spec.network.encoder_layers = spec.network.head_layers = {8};
   spec.actions = task.action;
   return RandomPolicy(spec);
+}
+
+// What moves is told from the lines as it is told in the simulator, in a second episode, too, and
+// from another place of the range finder than by default.
+TEST_F(PolicyToolsTest, ActTracksWhatMovesAsTheSimulatorDoes) {
+  train::RunConfig trained;
+  sim::EnvironmentConfig& task = trained.environment;
+  task.lidar.num_beams = 360;
+  task.lidar.offset_x = -0.05;
+  task.observation.tracked = true;
+  const policy::PolicySnapshot policy = RandomPolicyOf(task);
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", policy,
+                     {{"config", config::ToToml(trained)}});
+  const Drive drive = DriveEpisodes(policy, task, {}, 40);
+  ASSERT_GT(drive.num_tracked, 10);
+  const ProgramResult result = Act(drive.lines);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::vector<json> answers = AnswersOf(result);
+  ASSERT_EQ(answers.size(), drive.actions.size());
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    EXPECT_NEAR(answers[k]["action"][0].get<float>(), drive.actions[k].linear, 1e-3) << k;
+    EXPECT_NEAR(answers[k]["action"][1].get<float>(), drive.actions[k].angular, 1e-3) << k;
+    EXPECT_FALSE(answers[k].contains("guarded"));
+  }
+  EXPECT_THAT(Act("{\"ranges\": [1], \"goal\": [2, 0]}\n").err,
+              HasSubstr("line 1: ranges: found 1 numbers, expected 360"));
+  json line = json::parse(drive.lines.substr(0, drive.lines.find('\n')));
+  line.erase("pose");
+  EXPECT_THAT(Act(line.dump() + "\n").err, HasSubstr("line 1: pose: is missing"));
 }
 
 // Outside the simulator, too, a guard changes the actions that it would change inside.

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "base/random.h"
-#include "planners/tracking/obstacle_tracker.h"
+#include "env/sensing/obstacle_tracker.h"
 #include "sim/lidar.h"
 #include "sim/moving_obstacles.h"
 #include "sim/robot.h"
@@ -45,7 +45,7 @@ class Guarded {
         shield_(config, {.least_delay = delay, .delay = delay + jitter},
                 {.field_of_view = field_of_view}, kBounds, kStep),
         ranges_(static_cast<std::size_t>(lidar_.num_beams())) {
-    if (config.tracking) tracker_.emplace(ScanGeometry{.field_of_view = field_of_view}, kStep);
+    if (config.tracking) tracker_.emplace(env::ScanGeometry{.field_of_view = field_of_view}, kStep);
     Reset();
   }
   void Reset(std::shared_ptr<const sim::Course> course = nullptr) {
@@ -60,7 +60,7 @@ class Guarded {
     lidar_.Scan(scene_->collision_map(), robot_.pose(), noise_, ranges_, &moving_);
     const sim::BodyState& body = robot_.body();
     const auto [s, c] = base::SinCos(robot_.pose().yaw);
-    std::span<const Track> tracks;
+    std::span<const env::Track> tracks;
     if (tracker_) {
       tracker_->Update(ranges_, robot_.pose());
       tracks = tracker_->tracks();
@@ -111,7 +111,7 @@ class Guarded {
   sim::Lidar lidar_;
   base::Random noise_;
   Shield shield_;
-  std::optional<ObstacleTracker> tracker_;
+  std::optional<env::ObstacleTracker> tracker_;
   std::vector<std::uint16_t> ranges_;
   sim::MovingShapes moving_;
   double time_ = 0.0;  // [s]
@@ -327,11 +327,11 @@ TEST(ShieldTest, EvadesWhatIsHidden) {
   const std::vector<std::uint16_t> open(720, 500);
   for (const base::Vec2 from : {base::Vec2{1.2, 0.1}, {-1.0, 0.0}, {0.1, 1.2}}) {
     Shield shield({.shield = true, .tracking = true}, {}, {}, kBounds, kStep);
-    const Track there{.p_O = from, .v_O = -1.2 * from, .radius = 0.3};
+    const env::Track there{.p_O = from, .v_O = -1.2 * from, .radius = 0.3};
     shield.See(open, {}, std::array{there});
     EXPECT_TRUE(shield.Choose({}).changed);
     shield.Reset();
-    shield.See(open, {}, std::array{Track{.p_O = from, .v_O = 1.2 * from, .radius = 0.3}});
+    shield.See(open, {}, std::array{env::Track{.p_O = from, .v_O = 1.2 * from, .radius = 0.3}});
     EXPECT_FALSE(shield.Choose({}).changed) << "it goes away";
   }
 }

@@ -57,7 +57,7 @@ class Robot {
     planner_ = planner.get();
     navigator_ = std::make_unique<Navigator>(
         config, planner_config,
-        ScanGeometry{.num_beams = 360, .field_of_view = 6.2657, .p_RS = {}, .clip = 5.0}, step,
+        env::ScanGeometry{.num_beams = 360, .field_of_view = 6.2657, .p_RS = {}, .clip = 5.0}, step,
         std::move(planner));
     navigator_->Reset(pose_, {4.0, 0.0}, 7);
   }

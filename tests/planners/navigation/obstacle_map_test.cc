@@ -73,7 +73,9 @@ TEST(Inflation, TakesTheNearestObstacle) {
   }
 }
 
-ScanRays RaysTo(base::Vec2 sensor_O, std::vector<ScanRay> rays) { return {sensor_O, rays}; }
+env::ScanRays RaysTo(base::Vec2 sensor_O, std::vector<env::ScanRay> rays) {
+  return {sensor_O, rays};
+}
 
 bool Marked(const ObstacleMap& map, base::Vec2 p_O) {
   const Costmap& costs = map.costmap();
@@ -112,7 +114,7 @@ TEST(ObstacleMap, OneHitOfManyBeamsMarks) {
 TEST(ObstacleMap, KeepsWhatTheRobotStandsOnFree) {
   ObstacleMap map({}, kFootprint);
   map.Reset({});
-  const ScanRays rays = RaysTo({0.12, 0.0}, {{{0.28, 0.0}, true}, {{0.5, 0.0}, true}});
+  const env::ScanRays rays = RaysTo({0.12, 0.0}, {{{0.28, 0.0}, true}, {{0.5, 0.0}, true}});
   map.Update(rays, {});
   EXPECT_FALSE(Marked(map, {0.28, 0.0})) << "inside 0.31 m";
   EXPECT_TRUE(Marked(map, {0.5, 0.0}));
@@ -121,7 +123,7 @@ TEST(ObstacleMap, KeepsWhatTheRobotStandsOnFree) {
 TEST(ObstacleMap, ReportsWhatChanged) {
   ObstacleMap map({.rolling = false}, kFootprint);
   map.Reset({});
-  const ScanRays rays = RaysTo({0.12, 0.0}, {{{1.0, 1.0}, true}});
+  const env::ScanRays rays = RaysTo({0.12, 0.0}, {{{1.0, 1.0}, true}});
   const CellWindow change = map.Update(rays, {});
   const CellIndex c = map.costmap().CellAt({1.0, 1.0});
   EXPECT_TRUE(c.x - 6 >= change.x0 && c.x + 6 < change.x1 && c.y - 6 >= change.y0 &&
@@ -149,7 +151,7 @@ TEST(ObstacleMap, IsEmptyAfterAReset) {
 TEST(ObstacleMap, RollsOverTheGround) {
   ObstacleMap map({.num_cells = 80}, kFootprint);
   map.Reset({});
-  const ScanRays nothing = RaysTo({0.0, 0.0}, {});
+  const env::ScanRays nothing = RaysTo({0.0, 0.0}, {});
   map.Update(RaysTo({0.0, 0.0}, {{{1.52, 0.52}, true}, {{-1.5, 0.5}, true}}), {});
   ASSERT_TRUE(Marked(map, {1.52, 0.52}));
   ASSERT_TRUE(Marked(map, {-1.5, 0.5}));
@@ -165,8 +167,8 @@ TEST(ObstacleMap, RollsOverTheGround) {
 }
 
 /// A scan of what is at random ranges, with the robot at X_OR.
-ScanRays DrawScan(const base::Pose2& X_OR, base::Random& random) {
-  ScanRays scan;
+env::ScanRays DrawScan(const base::Pose2& X_OR, base::Random& random) {
+  env::ScanRays scan;
   scan.sensor_O = base::Transform(X_OR, {0.12, 0.0});
   double range = 2.0;
   for (int beam = 0; beam < 720; ++beam) {
@@ -182,9 +184,9 @@ class SlowMap {
  public:
   explicit SlowMap(const Costmap& like) : map_(like) { Fill(map_, {0, 0, 200, 200}, kFreeCost); }
 
-  void Update(const ScanRays& scan, const base::Pose2& X_OR) {
+  void Update(const env::ScanRays& scan, const base::Pose2& X_OR) {
     const CellIndex from = map_.CellAt(scan.sensor_O);
-    for (const ScanRay& ray : scan.rays) {
+    for (const env::ScanRay& ray : scan.rays) {
       if (!ray.hit) continue;
       const CellIndex to = map_.CellAt(ray.p_O);
       const int dx = to.x - from.x, dy = to.y - from.y;
@@ -199,7 +201,7 @@ class SlowMap {
         Set({from.x + (dx >= 0 ? ax : -ax), from.y + (dy >= 0 ? ay : -ay)}, kFreeCost);
       }
     }
-    for (const ScanRay& ray : scan.rays) {
+    for (const env::ScanRay& ray : scan.rays) {
       if (ray.hit && base::Norm(ray.p_O - scan.sensor_O) < 2.5) {
         Set(map_.CellAt(ray.p_O), kLethalCost);
       }
@@ -233,7 +235,7 @@ TEST(ObstacleMap, AgreesWithTheSlowRule) {
       // Near the edge too, where beams leave the map.
       const base::Pose2 X_OR{{random.Uniform(-4.5, 4.5), random.Uniform(-4.5, 4.5)},
                              random.Uniform(-3.0, 3.0)};
-      const ScanRays scan = DrawScan(X_OR, random);
+      const env::ScanRays scan = DrawScan(X_OR, random);
       fast.Update(scan, X_OR);
       slow.Update(scan, X_OR);
       ASSERT_TRUE(
@@ -267,7 +269,7 @@ TEST(ObstacleMap, CostsAreThoseOfAllItsObstacles) {
         X_OR.p = X_OR.p + base::Vec2{random.Uniform(-most, most), random.Uniform(-most, most)};
         if (!rolling && base::Norm(X_OR.p) > 3.0) X_OR.p = {};
         X_OR.yaw = random.Uniform(-3.0, 3.0);
-        const ScanRays scan = DrawScan(X_OR, random);
+        const env::ScanRays scan = DrawScan(X_OR, random);
         const Costmap before = map.costmap();
         CellWindow changed;
         if (step % 10 == 7) map.Mark(scan, X_OR);
@@ -290,8 +292,8 @@ TEST(ObstacleMap, CostsAreThoseOfAllItsObstacles) {
 }
 
 TEST(ScanProjector, PutsBeamsIntoO) {
-  const ScanProjector projector({.num_beams = 3, .field_of_view = base::kPi});
-  ScanRays rays;
+  const env::ScanProjector projector({.num_beams = 3, .field_of_view = base::kPi});
+  env::ScanRays rays;
   const std::vector<std::uint16_t> ranges = {100, 200, 500};
   projector.Project(ranges, {{1.0, 2.0}, 0.5 * base::kPi}, rays);
   EXPECT_NEAR(rays.sensor_O.x, 1.0, 1e-12);

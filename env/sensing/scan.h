@@ -8,7 +8,7 @@
 
 /// Frames: `O` odometry, `R` the robot, `S` the sensor. Shapes: `N` beams.
 
-namespace slalom::planners {
+namespace slalom::env {
 
 /// The geometry of the scans that a navigation system reads. A value.
 struct ScanGeometry {
@@ -48,4 +48,4 @@ class ScanProjector {
   const std::vector<base::Vec2> directions_R_;  // [N]
 };
 
-}  // namespace slalom::planners
+}  // namespace slalom::env

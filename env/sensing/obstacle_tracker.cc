@@ -1,4 +1,4 @@
-#include "planners/tracking/obstacle_tracker.h"
+#include "env/sensing/obstacle_tracker.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-namespace slalom::planners {
+namespace slalom::env {
 namespace {
 
 // What a piece is.
@@ -100,6 +100,17 @@ void ObstacleTracker::Update(std::span<const std::uint16_t> ranges_cm, const bas
   std::ranges::sort(tracks_, {}, [&](const Track& track) {
     return base::Norm(track.p_O - X_OR.p) - track.radius;
   });
+}
+
+std::array<double, 4 * kObservedObstacles> ObstacleTracker::Observe(const base::Pose2& X_OR) const {
+  std::array<double, 4 * kObservedObstacles> values{};
+  const std::size_t size = std::min<std::size_t>(tracks_.size(), kObservedObstacles);
+  for (std::size_t i = 0; i < size; ++i) {
+    const base::Vec2 p_R = base::InverseTransform(X_OR, tracks_[i].p_O);
+    const base::Vec2 v_R = base::InverseTransform({{}, X_OR.yaw}, tracks_[i].v_O);
+    std::ranges::copy(std::array{p_R.x, p_R.y, v_R.x, v_R.y}, values.begin() + 4 * i);
+  }
+  return values;
 }
 
 void ObstacleTracker::ReadScan(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR) {
@@ -351,4 +362,4 @@ Track ObstacleTracker::TrackOf(const Body& body) {
           .end_beam = is_hidden ? 0 : body.end_beam};
 }
 
-}  // namespace slalom::planners
+}  // namespace slalom::env

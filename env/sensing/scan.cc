@@ -1,8 +1,8 @@
-#include "planners/navigation/scan.h"
+#include "env/sensing/scan.h"
 
 #include "base/check.h"
 
-namespace slalom::planners {
+namespace slalom::env {
 
 std::vector<base::Vec2> BeamDirections(const ScanGeometry& geometry) {
   SLALOM_CHECK_GE(geometry.num_beams, 2);
@@ -32,4 +32,4 @@ void ScanProjector::Project(std::span<const std::uint16_t> ranges_cm, const base
   }
 }
 
-}  // namespace slalom::planners
+}  // namespace slalom::env

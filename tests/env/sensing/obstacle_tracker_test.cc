@@ -1,4 +1,4 @@
-#include "planners/tracking/obstacle_tracker.h"
+#include "env/sensing/obstacle_tracker.h"
 
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ using test::ScanWalk;
 
 /// Walks to the goal, and holds each track against the truth.
 void Walk(ScanWalk& walk, test::TrackingErrors& errors) {
-  ObstacleTracker tracker(walk.geometry(), ScanWalk::kStep);
+  env::ObstacleTracker tracker(walk.geometry(), ScanWalk::kStep);
   test::SeenObstacles seen(walk);
   while (walk.Step()) {
     tracker.Update(walk.ranges_cm(), walk.odometry());
@@ -68,7 +68,7 @@ TEST(ObstacleTrackerTest, WhatStandsDoesNotMove) {
     double num_tracks = 0.0, num_scans = 0.0;
     for (const auto& course : sim::ResolveCourses(courses, std::nullopt, 1).courses) {
       ScanWalk walk(*course, 1);
-      ObstacleTracker tracker(walk.geometry(), ScanWalk::kStep);
+      env::ObstacleTracker tracker(walk.geometry(), ScanWalk::kStep);
       while (walk.Step()) {
         tracker.Update(walk.ranges_cm(), walk.odometry());
         num_tracks += static_cast<double>(tracker.tracks().size());
@@ -110,7 +110,7 @@ class OneObstacleTest : public testing::Test {
   std::shared_ptr<const sim::Scene> scene_;
   sim::MovingShapes shapes_;
   std::vector<std::uint16_t> ranges_ = std::vector<std::uint16_t>(720);
-  ObstacleTracker tracker_{{}, kStep};
+  env::ObstacleTracker tracker_{{}, kStep};
   double time_ = 0.0;
 };
 
@@ -135,7 +135,7 @@ TEST_F(OneObstacleTest, IsKnownFromTwoScansAndExactlyFromTen) {
         EXPECT_TRUE(tracker_.tracks().empty()) << "nothing is known of its motion";
         for (int i = 0; i < 9; ++i) Look();
         ASSERT_EQ(tracker_.tracks().size(), 1u);
-        const Track& track = tracker_.tracks()[0];
+        const env::Track& track = tracker_.tracks()[0];
         const sim::MovingShape truth = Truth();
         EXPECT_NEAR(track.v_O.x, truth.vx, 0.08) << yaw;
         EXPECT_NEAR(track.v_O.y, truth.vy, 0.08) << yaw;
@@ -170,12 +170,12 @@ TEST_F(OneObstacleTest, StandsAndTheRobotMoves) {
 TEST_F(OneObstacleTest, IsHidden) {
   Place({2.5, -1.5}, {0.0, 0.5}, Cylinder(0.3));
   for (int i = 0; i < 10; ++i) Look();
-  const Track before = tracker_.tracks()[0];
+  const env::Track before = tracker_.tracks()[0];
   std::ranges::fill(ranges_, std::uint16_t{500});
   for (int i = 1; i <= 4; ++i) {
     tracker_.Update(ranges_, {});
     ASSERT_EQ(tracker_.tracks().size(), 1u) << i;
-    const Track& track = tracker_.tracks()[0];
+    const env::Track& track = tracker_.tracks()[0];
     EXPECT_EQ(track.first_beam, track.end_beam);
     EXPECT_EQ(track.v_O, before.v_O);
     EXPECT_NEAR(track.p_O.y, before.p_O.y + i * kStep * before.v_O.y, 1e-9);
@@ -187,8 +187,8 @@ TEST_F(OneObstacleTest, IsHidden) {
 TEST(ObstacleTrackerTest, AfterAResetItIsAsAFreshOne) {
   const auto courses = sim::ResolveCourses("generated-crowds:4711:2", std::nullopt, 1).courses;
   ScanWalk first(*courses[0], 1), second(*courses[1], 2);
-  ObstacleTracker used(first.geometry(), ScanWalk::kStep);
-  ObstacleTracker fresh(first.geometry(), ScanWalk::kStep);
+  env::ObstacleTracker used(first.geometry(), ScanWalk::kStep);
+  env::ObstacleTracker fresh(first.geometry(), ScanWalk::kStep);
   while (first.Step()) used.Update(first.ranges_cm(), first.odometry());
   used.Reset();
   std::size_t num_tracks = 0;

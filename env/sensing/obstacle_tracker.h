@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "planners/navigation/scan.h"
+#include "env/sensing/scan.h"
+#include "env/state_layout.h"
 
 /// Frames: `O` odometry (fixed to the ground), `R` the robot. Shapes: `N` beams.
 
-namespace slalom::planners {
+namespace slalom::env {
 
 /// A moving obstacle as a tracker knows it. A value.
 struct Track {
@@ -56,6 +57,10 @@ class ObstacleTracker {
 
   /// What moves, the nearest first.
   std::span<const Track> tracks() const { return tracks_; }
+
+  /// The field "tracked obstacle" of a state: place [m] and velocity over the ground [m/s] of each
+  /// of the nearest, in the frame of a robot at `X_OR`.
+  std::array<double, 4 * kObservedObstacles> Observe(const base::Pose2& X_OR) const;
 
  private:
   static constexpr int kDirections = 16;
@@ -132,4 +137,4 @@ class ObstacleTracker {
   std::vector<Track> tracks_;
 };
 
-}  // namespace slalom::planners
+}  // namespace slalom::env
