@@ -69,4 +69,12 @@ class ParallelFor {
   std::vector<std::jthread> threads_;
 };
 
+/// Calls body(i) once for each i in [0, n): by the threads of `parallel`, or in turn if it is null.
+/// Allocates nothing.
+template <class Body>
+void For(ParallelFor* parallel, int n, const Body& body) {
+  if (parallel != nullptr) return parallel->For(n, std::cref(body));
+  for (int i = 0; i < n; ++i) body(i);
+}
+
 }  // namespace slalom::base

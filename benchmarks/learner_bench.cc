@@ -1,6 +1,8 @@
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
 
+#include <array>
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -19,15 +21,14 @@
 
 /// Updates of every method, and of every algorithm on every network beside the matrix products that
 /// they cannot do without, measured in the same run on the same shapes, and the inference of a
-/// policy. One thread.
+/// policy. One thread, unless the name says otherwise.
 
 namespace slalom {
 namespace {
 
-/// The config of a preset, with another algorithm, on the CPU.
-train::RunConfig LoadPreset(const std::string& preset, const std::string& algorithm = "td3") {
-  const std::vector<std::string> overrides = {"learner.device=cpu",
-                                              "learner.algorithm=" + algorithm};
+/// The config of a preset, with overrides, on the CPU.
+train::RunConfig LoadPreset(const std::string& preset, std::vector<std::string> overrides = {}) {
+  overrides.push_back("learner.device=cpu");
   return config::Load<train::RunConfig>(SLALOM_SOURCE_DIR "/configs/" + preset, overrides);
 }
 
@@ -121,7 +122,7 @@ class Updates {
 
 void RunUpdates(benchmark::State& state, const std::string& preset, const Work& work) {
   nn::SetMathThreads(1);
-  Updates learner(LoadPreset(preset, work.algorithm));
+  Updates learner(LoadPreset(preset, {std::string("learner.algorithm=") + work.algorithm}));
   const Products products = ListProducts(learner.spec(), work, learner.batch_size());
   double updates_seconds = 0.0;
   double products_seconds = 0.0;
@@ -173,12 +174,33 @@ void RunMethod(benchmark::State& state, const std::string& preset) {
       2.0 * static_cast<double>(state.iterations()) / (ThreadSeconds() - begin);
 }
 
-/// Updates by the clock, by the number of threads in each product: whether a second one pays.
-void RunByThreads(benchmark::State& state, const std::string& preset) {
-  nn::SetMathThreads(static_cast<int>(state.range(0)));
-  Updates learner(LoadPreset(preset));
-  for (auto _ : state) learner.Run();
+/// Updates by the clock with several threads (learner.threads) beside those with one, measured in
+/// turn so that both meet the same machine: whether threads pay.
+void RunByThreads(benchmark::State& state, train::RunConfig config) {
+  using Clock = std::chrono::steady_clock;
   nn::SetMathThreads(1);
+  config.method.learner.threads = 1;
+  Updates one(config);
+  config.method.learner.threads = static_cast<int>(state.range(0));
+  Updates several(config);
+  std::array<double, 2> seconds{};
+  std::array<std::int64_t, 2> updates{};
+  for (auto _ : state) {
+    for (const int i : {0, 1}) {
+      const Clock::time_point begin = Clock::now();
+      double elapsed = 0.0;
+      for (; elapsed < 0.05; updates[i] += 2) {
+        for (int twice = 0; twice < 2; ++twice) (i == 0 ? one : several).Run();
+        elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
+      }
+      seconds[i] += elapsed;
+    }
+  }
+  const double alone = static_cast<double>(updates[0]) / seconds[0];
+  const double together = static_cast<double>(updates[1]) / seconds[1];
+  state.counters["updates/s"] = together;
+  state.counters["one_thread/s"] = alone;
+  state.counters["times"] = together / alone;
 }
 
 /// Microseconds of an action of a preset's actor by the number of environments. Includes reading
@@ -205,7 +227,19 @@ void RunActing(benchmark::State& state, const std::string& preset) {
       1e6 * (ThreadSeconds() - begin) / (static_cast<double>(state.iterations()) * batch);
 }
 
+void RegisterByThreads(const std::string& name, const std::string& preset,
+                       const std::vector<std::string>& overrides) {
+  benchmark::RegisterBenchmark(("UpdateByThreads/" + name).c_str(),
+                               [preset, overrides](benchmark::State& state) {
+                                 RunByThreads(state, LoadPreset(preset, overrides));
+                               })
+      ->Arg(2)
+      ->UseRealTime()
+      ->Unit(benchmark::kMillisecond);
+}
+
 const bool kRegistered = [] {
+  RegisterByThreads("fast/mlp-without-norm/td3", "fast/td3-mlp.toml", {"network.layer_norm=false"});
   for (const std::string size : {"fast", "paper"}) {
     for (const char* const network : {"mlp", "mlp-h4", "cnn-h4", "gru-h4", "transformer-h4"}) {
       const std::string preset = size + "/td3-" + network + ".toml";
@@ -221,13 +255,9 @@ const bool kRegistered = [] {
           ->Arg(1)
           ->Arg(64)
           ->Unit(benchmark::kMicrosecond);
-      benchmark::RegisterBenchmark(
-          ("Td3UpdateByThreads/" + name).c_str(),
-          [preset](benchmark::State& state) { RunByThreads(state, preset); })
-          ->Arg(1)
-          ->Arg(2)
-          ->UseRealTime()
-          ->Unit(benchmark::kMillisecond);
+      for (const std::string algorithm : {"td3", "ddpg", "sac"}) {
+        RegisterByThreads(name + "/" + algorithm, preset, {"learner.algorithm=" + algorithm});
+      }
     }
     for (const char* const method :
          {"lagrangian", "dyna-deterministic", "dyna-probabilistic", "mbpo"}) {

@@ -50,6 +50,10 @@ SLALOM_SIMD double StepBlock(const StepFactors factors, std::int64_t n, const fl
   return sum;
 }
 
+SLALOM_SIMD void AddBlock(std::int64_t n, const float* __restrict from, float* __restrict to) {
+  for (std::int64_t i = 0; i < n; ++i) to[i] += from[i];
+}
+
 SLALOM_SIMD void AverageBlock(float rate, std::int64_t n, const float* __restrict p,
                               float* __restrict average) {
   for (std::int64_t i = 0; i < n; ++i) average[i] += rate * (p[i] - average[i]);
@@ -57,24 +61,28 @@ SLALOM_SIMD void AverageBlock(float rate, std::int64_t n, const float* __restric
 
 }  // namespace
 
-Adam::Adam(at::Tensor parameters, at::Tensor gradient)
+Adam::Adam(at::Tensor parameters, const at::Tensor& gradients, base::ParallelFor* parallel)
     : parameters_(std::move(parameters)),
-      gradient_(std::move(gradient)),
+      gradients_(gradients.view({-1, parameters_.numel()}).unbind()),
       first_moment_(at::zeros_like(parameters_)),
-      second_moment_(at::zeros_like(parameters_)) {
-  SLALOM_CHECK_EQ(parameters_.numel(), gradient_.numel());
-}
+      second_moment_(at::zeros_like(parameters_)),
+      parallel_(parallel),
+      squared_norms_(static_cast<std::size_t>((parameters_.numel() + kBlock - 1) / kBlock)) {}
 
 void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
-                at::Tensor& norm_total) {
+                at::Tensor& norm_total, int num_gradients) {
+  SLALOM_CHECK_LE(static_cast<std::size_t>(num_gradients), gradients_.size());
+  const std::span others = std::span(gradients_).subspan(1, num_gradients - 1);
   ++num_steps_;
   const double t = static_cast<double>(num_steps_);
   const double step_size = learning_rate / (1.0 - std::pow(kBeta1, t));
   const double moment_scale = 1.0 / std::sqrt(1.0 - std::pow(kBeta2, t));
   if (!nn::IsHostFloat(parameters_)) {
-    norm_total.add_(gradient_.norm());
-    first_moment_.mul_(kBeta1).add_(gradient_, 1.0 - kBeta1);
-    second_moment_.mul_(kBeta2).addcmul_(gradient_, gradient_, 1.0 - kBeta2);
+    at::Tensor& gradient = gradients_.front();
+    for (const at::Tensor& other : others) gradient.add_(other);
+    norm_total.add_(gradient.norm());
+    first_moment_.mul_(kBeta1).add_(gradient, 1.0 - kBeta1);
+    second_moment_.mul_(kBeta2).addcmul_(gradient, gradient, 1.0 - kBeta2);
     const at::Tensor denominator = second_moment_.sqrt().mul_(moment_scale).add_(kEpsilon);
     parameters_.addcdiv_(first_moment_, denominator, -step_size);
     for (const PolyakAverage& average : averages) {
@@ -84,20 +92,25 @@ void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
     return;
   }
   const StepFactors factors{static_cast<float>(step_size), static_cast<float>(moment_scale)};
-  const float* const g = gradient_.data_ptr<float>();
+  float* const g = gradients_.front().data_ptr<float>();
   float* const p = parameters_.data_ptr<float>();
   float* const m = first_moment_.data_ptr<float>();
   float* const v = second_moment_.data_ptr<float>();
   const std::int64_t size = parameters_.numel();
-  double squared_norm = 0.0;
-  for (std::int64_t begin = 0; begin < size; begin += kBlock) {
+  base::For(parallel_, static_cast<int>(squared_norms_.size()), [&](int block) {
+    const std::int64_t begin = block * kBlock;
     const std::int64_t n = std::min(kBlock, size - begin);
-    squared_norm += StepBlock(factors, n, g + begin, p + begin, m + begin, v + begin);
+    for (const at::Tensor& other : others) {
+      AddBlock(n, other.data_ptr<float>() + begin, g + begin);
+    }
+    squared_norms_[block] = StepBlock(factors, n, g + begin, p + begin, m + begin, v + begin);
     for (const PolyakAverage& average : averages) {
       AverageBlock(static_cast<float>(average.rate), n, p + begin,
                    average.values.data_ptr<float>() + begin);
     }
-  }
+  });
+  double squared_norm = 0.0;
+  for (const double block : squared_norms_) squared_norm += block;
   *norm_total.data_ptr<double>() += std::sqrt(squared_norm);
   // Autograd then refuses to differentiate results of the old parameters.
   parameters_.unsafeGetTensorImpl()->bump_version();

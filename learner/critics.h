@@ -2,20 +2,17 @@
 
 #include <ATen/core/Tensor.h>
 
-#include <functional>
 #include <string>
-#include <vector>
 
-#include "base/parallel.h"
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
+#include "learner/sliced_networks.h"
 #include "learner/value_ops.h"
 #include "policy/nn/autograd_networks.h"
-#include "policy/nn/network.h"
 
 /// Shapes: `B` batch, `A` numbers of an action, `K` critics, `P` parameters and `O` outputs of
-/// one.
+/// one, `S` slices of a minibatch.
 
 namespace slalom::learner {
 
@@ -77,7 +74,7 @@ class Critics {
   at::Tensor& MinActionGradient(const at::Tensor& state, const at::Tensor& action,
                                 at::Tensor& value_total);
 
-  int size() const { return static_cast<int>(critics_.size()); }
+  int size() const { return num_critics_; }
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
   const at::Tensor& target_parameters() const { return target_parameters_; }  ///< [K * P]
 
@@ -85,34 +82,25 @@ class Critics {
   void LoadState(const nn::TensorFile& file);
 
  private:
-  struct Critic {
-    nn::Network network;
-    nn::Network target;
-    nn::Network gradient;
-    nn::NetworkPass pass;
-    nn::NetworkPass target_pass;
-  };
-
-  /// Calls body(k) for each critic, side by side if the minibatch has threads.
-  void ForEach(const std::function<void(int k)>& body);
   /// Copies the action behind the state, where the networks read it. Requires: the minibatch's
   /// state.
   void SetAction(const at::Tensor& state, const at::Tensor& action);
-  /// Takes the step down `gradient_`.
-  void Step(double learning_rate, double polyak_rate, at::Tensor& norm_total);
+  /// Takes the step down the sum of the first `num_gradients` gradients.
+  void Step(double learning_rate, double polyak_rate, at::Tensor& norm_total, int num_gradients);
 
   const std::string name_;
-  base::ParallelFor* const parallel_;    // The minibatch's.
+  const int num_critics_;
   const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor room_, next_room_;  // Places behind the states, where the networks read actions.
   at::Tensor parameters_;
   at::Tensor target_parameters_;
-  at::Tensor gradient_;
+  at::Tensor gradients_;  // [S, K * P]
+  at::Tensor gradient_;   // [K * P], the first of them
   Adam adam_;
-  std::vector<Critic> critics_;
-  std::vector<at::Tensor> target_values_;  // [B, 1] each, outputs of the target networks
-  std::vector<at::Tensor> values_;         // [B, 1] each, outputs of the networks
-  std::vector<at::Tensor> value_gradients_;
+  SlicedNetworks networks_;
+  SlicedNetworks target_networks_;
+  SlicedNetworks::Pass pass_;
+  SlicedNetworks::Pass target_pass_;
   nn::AutogradNetworks functions_;
   nn::AutogradNetworks target_functions_;
 };

@@ -9,7 +9,6 @@
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/network.h"
 
 namespace slalom::learner {
 DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,
@@ -20,13 +19,13 @@ DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,
       parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
       target_parameters_(parameters_.clone()),
       average_parameters_(parameters_.clone()),
-      gradient_(at::zeros_like(parameters_)),
-      adam_(parameters_, gradient_),
-      network_(shape, parameters_),
-      target_(shape, target_parameters_),
-      network_gradient_(shape, gradient_),
-      pass_(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
-      target_pass_(shape, minibatch.next_features, nn::PassUse::kInference, minibatch.dropout),
+      gradients_(MakeGradients(parameters_, minibatch)),
+      gradient_(gradients_[0]),
+      adam_(parameters_, gradients_, minibatch.parallel),
+      network_(shape, 1, parameters_, gradients_, minibatch),
+      target_(shape, 1, target_parameters_, {}, minibatch),
+      pass_(shape, 1, minibatch.features, nn::PassUse::kTraining, minibatch),
+      target_pass_(shape, 1, minibatch.next_features, nn::PassUse::kInference, minibatch),
       preactivation_(at::zeros_like(pass_.output())),
       functions_(shape, parameters_, minibatch.dropout),
       target_functions_(shape, target_parameters_, minibatch.dropout) {}
@@ -43,7 +42,7 @@ at::Tensor DeterministicActor::TargetActions(const at::Tensor& state) const {
 void DeterministicActor::Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
                                  double average_rate, at::Tensor& norm_total) {
   functions_.Differentiate(loss, gradient_);
-  Step(learning_rate, polyak_rate, average_rate, norm_total);
+  Step(learning_rate, polyak_rate, average_rate, norm_total, 1);
 }
 
 const at::Tensor& DeterministicActor::Act(const at::Tensor& state) {
@@ -71,15 +70,16 @@ void DeterministicActor::PolicyGradientStep(const at::Tensor& action_gradient,
     pass_.output_gradient().add_(
         preactivation_, 2.0 * preactivation_penalty / static_cast<double>(preactivation_.size(0)));
   }
-  network_.ParameterGradient(pass_, network_gradient_);
-  Step(learning_rate, polyak_rate, average_rate, norm_total);
+  network_.ParameterGradient(pass_);
+  Step(learning_rate, polyak_rate, average_rate, norm_total, static_cast<int>(gradients_.size(0)));
 }
 
 void DeterministicActor::Step(double learning_rate, double polyak_rate, double average_rate,
-                              at::Tensor& norm_total) {
+                              at::Tensor& norm_total, int num_gradients) {
   const std::array averages = {PolyakAverage{target_parameters_, polyak_rate},
                                PolyakAverage{average_parameters_, average_rate}};
-  adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total);
+  adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total,
+             num_gradients);
 }
 
 void DeterministicActor::StartFrom(const at::Tensor& parameters) {

@@ -5,11 +5,11 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
+#include "learner/sliced_networks.h"
 #include "policy/nn/autograd_networks.h"
-#include "policy/nn/network.h"
 #include "policy/policy.h"
 
-/// Shapes: `B` batch, `A` numbers of an action, `P` parameters.
+/// Shapes: `B` batch, `A` numbers of an action, `P` parameters, `S` slices of a minibatch.
 
 namespace slalom::learner {
 
@@ -59,20 +59,21 @@ class DeterministicActor {
   void LoadState(const nn::TensorFile& file);
 
  private:
-  /// Takes the step down `gradient_`.
-  void Step(double learning_rate, double polyak_rate, double average_rate, at::Tensor& norm_total);
+  /// Takes the step down the sum of the first `num_gradients` gradients.
+  void Step(double learning_rate, double polyak_rate, double average_rate, at::Tensor& norm_total,
+            int num_gradients);
 
   const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor parameters_;
   at::Tensor target_parameters_;
   at::Tensor average_parameters_;
-  at::Tensor gradient_;
+  at::Tensor gradients_;  // [S, P]
+  at::Tensor gradient_;   // [P], the first of them
   Adam adam_;
-  nn::Network network_;
-  nn::Network target_;
-  nn::Network network_gradient_;
-  nn::NetworkPass pass_;
-  nn::NetworkPass target_pass_;
+  SlicedNetworks network_;
+  SlicedNetworks target_;
+  SlicedNetworks::Pass pass_;
+  SlicedNetworks::Pass target_pass_;
   at::Tensor preactivation_;  // [B, A], inputs of tanh in the last `Act`.
   nn::AutogradNetworks functions_;
   nn::AutogradNetworks target_functions_;

@@ -8,7 +8,6 @@
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/network.h"
 
 namespace slalom::learner {
 
@@ -20,14 +19,14 @@ GaussianActor::GaussianActor(const nn::NetworkShape& shape,
       next_state_(minibatch.next_features),
       parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
       average_parameters_(parameters_.clone()),
-      gradient_(at::zeros_like(parameters_)),
-      adam_(parameters_, gradient_),
-      network_(shape, parameters_),
-      network_gradient_(shape, gradient_),
-      now_{nn::NetworkPass(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
+      gradients_(MakeGradients(parameters_, minibatch)),
+      gradient_(gradients_[0]),
+      adam_(parameters_, gradients_, minibatch.parallel),
+      network_(shape, 1, parameters_, gradients_, minibatch),
+      now_{SlicedNetworks::Pass(shape, 1, minibatch.features, nn::PassUse::kTraining, minibatch),
            at::zeros_like(minibatch.actions), at::zeros_like(minibatch.reward)},
-      next_{nn::NetworkPass(shape, minibatch.next_features, nn::PassUse::kInference,
-                            minibatch.dropout),
+      next_{SlicedNetworks::Pass(shape, 1, minibatch.next_features, nn::PassUse::kInference,
+                                 minibatch),
             at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)},
       functions_(shape, parameters_, minibatch.dropout) {}
 
@@ -38,7 +37,7 @@ DrawnActions GaussianActor::Draw(const at::Tensor& state, const at::Tensor& nois
 void GaussianActor::Descend(const at::Tensor& loss, double learning_rate, double average_rate,
                             at::Tensor& norm_total) {
   functions_.Differentiate(loss, gradient_);
-  Step(learning_rate, average_rate, norm_total);
+  Step(learning_rate, average_rate, norm_total, 1);
 }
 
 SampledActions GaussianActor::Sample(const at::Tensor& state, const at::Tensor& noise) {
@@ -70,13 +69,15 @@ void GaussianActor::PolicyGradientStep(const at::Tensor& action_gradient,
                                        double average_rate, at::Tensor& norm_total) {
   SquashedGradient(distribution_, now_.pass.output(), noise_, now_.actions, action_gradient,
                    log_temperature, now_.pass.output_gradient());
-  network_.ParameterGradient(now_.pass, network_gradient_);
-  Step(learning_rate, average_rate, norm_total);
+  network_.ParameterGradient(now_.pass);
+  Step(learning_rate, average_rate, norm_total, static_cast<int>(gradients_.size(0)));
 }
 
-void GaussianActor::Step(double learning_rate, double average_rate, at::Tensor& norm_total) {
+void GaussianActor::Step(double learning_rate, double average_rate, at::Tensor& norm_total,
+                         int num_gradients) {
   const PolyakAverage average{average_parameters_, average_rate};
-  adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
+  adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total,
+             num_gradients);
 }
 
 void GaussianActor::StartFrom(const at::Tensor& parameters) {

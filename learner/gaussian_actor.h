@@ -6,8 +6,8 @@
 #include "learner/adam.h"
 #include "learner/gaussian_ops.h"
 #include "learner/minibatch.h"
+#include "learner/sliced_networks.h"
 #include "policy/nn/autograd_networks.h"
-#include "policy/nn/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` numbers of an action, `P` parameters.
@@ -64,23 +64,23 @@ class GaussianActor {
 
  private:
   struct Draws {
-    nn::NetworkPass pass;        // Output [B, 2 A]: means, then raw standard deviations.
+    SlicedNetworks::Pass pass;   // Output [B, 2 A]: means, then raw standard deviations.
     at::Tensor actions;          // [B, A]
     at::Tensor log_probability;  // [B]
   };
 
   SampledActions Sample(Draws& draws, const at::Tensor& noise);
-  /// Takes the step down `gradient_`.
-  void Step(double learning_rate, double average_rate, at::Tensor& norm_total);
+  /// Takes the step down the sum of the first `num_gradients` gradients.
+  void Step(double learning_rate, double average_rate, at::Tensor& norm_total, int num_gradients);
 
   const policy::ActionDistribution distribution_;
   const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor parameters_;
   at::Tensor average_parameters_;
-  at::Tensor gradient_;
+  at::Tensor gradients_;  // [S, P]
+  at::Tensor gradient_;   // [P], the first of them
   Adam adam_;
-  nn::Network network_;
-  nn::Network network_gradient_;
+  SlicedNetworks network_;
   Draws now_;
   Draws next_;
   at::Tensor noise_;  // [B, A], noise of the last `Sample`.

@@ -70,9 +70,10 @@ struct LearnerConfig {
       "actions and kind of distribution of the run (docs/training.md). Empty: random weights.");
     v("device", device, "Where the learner computes. auto: on a GPU if LibTorch finds one.");
     v("threads", threads, base::Range{1, 16}, "",
-      "TD3, SAC, constraints: threads that compute the critics of an update, at most one for each "
-      "critic. The results are the same bits. Deterministic runs use one thread, as do GPUs and "
-      "networks with dropout.");
+      "Threads that compute an update: each takes some of a minibatch's rows, then some of the "
+      "parameters. All numbers above 1 give the same bits; 1 sums in another order. Two critics "
+      "keep up to four threads busy, and an actor two. TQC hardly gains (docs/training.md). "
+      "Deterministic runs use one thread, as do GPUs and networks with dropout.");
     v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",
       "Adam's learning rate for the actor.");
     v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",

@@ -2,7 +2,9 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "base/parallel.h"
 #include "base/random.h"
@@ -13,6 +15,12 @@
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `A` numbers of an action.
 
 namespace slalom::learner {
+
+/// Consecutive rows of a minibatch, which one thread at a time computes.
+struct RowSlice {
+  std::int64_t begin = 0;  ///< Its first row.
+  std::int64_t size = 0;   ///< Number of its rows.
+};
 
 /// The transitions of one update, on the device of the networks. Its memory stays in place from
 /// batch to batch.
@@ -35,7 +43,11 @@ struct Minibatch {
   at::Tensor discount;                    ///< [B], gamma^n, or 0 if the window terminated
   at::Tensor weight;                      ///< [B], importance weight; 1 if draws are uniform
   base::Random* dropout = nullptr;        ///< Draws the masks of networks that have dropout.
-  base::ParallelFor* parallel = nullptr;  ///< Computes critics side by side; null: in turn.
+  base::ParallelFor* parallel = nullptr;  ///< Threads that compute slices; null: no slices.
+
+  /// All rows in one slice, or with `parallel` in a few of nearly equal size. They depend on B, not
+  /// on the number of threads.
+  std::vector<RowSlice> Slices() const;
 };
 
 /// Turns sampled rows into minibatches. Scans are pooled straight from the replay table's memory,
@@ -48,15 +60,19 @@ class MinibatchReader {
                   double discount_factor);
 
   /// Fills `minibatch`. Draws from `random` only if mirroring is on. Requires: rows of B samples
-  /// and H frames. Allocates nothing on the CPU.
+  /// and H frames. Uses the minibatch's threads. Allocates nothing on the CPU.
   void Read(const replay::SampledRows& rows, base::Random& random, Minibatch& minibatch);
 
  private:
+  /// Fills `size` rows from `begin` on in host memory.
+  void ReadSlice(const replay::SampledRows& rows, const RowSlice& slice, Minibatch& host) const;
+
   nn::FeatureMap features_;
   int history_;
   float reward_scale_;
   bool mirror_;
   float discount_factor_;
+  std::vector<char> mirrored_;       // [B], whether a sample is replaced by its mirror image.
   std::unique_ptr<Minibatch> host_;  // Staging memory if the device is not the CPU.
 };
 

@@ -8,7 +8,7 @@
 namespace slalom::nn {
 
 MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use,
-                 const at::Tensor& input_gradient)
+                 const at::Tensor& input_gradient, const PassResults& results)
     : input_gradient_(input_gradient) {
   SLALOM_CHECK_EQ(input.size(1), static_cast<std::int64_t>(shape.num_inputs + shape.num_extra));
   const std::int64_t batch = input.size(0);
@@ -16,13 +16,21 @@ MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use,
   const auto allocate = [&](std::int64_t columns) {
     return at::zeros({batch, columns}, input.options());
   };
+  const auto place = [&](const at::Tensor& given, std::int64_t columns) {
+    if (!given.defined()) return allocate(columns);
+    SLALOM_CHECK(given.is_contiguous() && given.sizes() == at::IntArrayRef({batch, columns}));
+    return given;
+  };
   layers_.resize(num_layers);
   layers_[0].input = input.narrow(1, 0, shape.layer_inputs(0));
   for (int i = 0; i < num_layers; ++i) {
     const int outputs = shape.layer_outputs(i);
-    if (use == PassUse::kTraining) layers_[i].output_gradient = allocate(outputs);
-    if (i + 1 == num_layers) {
-      layers_[i].output = allocate(outputs);
+    const bool last = i + 1 == num_layers;
+    if (use == PassUse::kTraining) {
+      layers_[i].output_gradient = place(last ? results.output_gradient : at::Tensor(), outputs);
+    }
+    if (last) {
+      layers_[i].output = place(results.output, outputs);
       continue;
     }
     layers_[i + 1].input = allocate(shape.layer_inputs(i + 1));
@@ -33,7 +41,7 @@ MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use,
     }
   }
   if (shape.num_extra > 0) {
-    if (use == PassUse::kTraining) extra_gradient_ = allocate(shape.num_extra);
+    if (use == PassUse::kTraining) extra_gradient_ = place(results.extra_gradient, shape.num_extra);
     if (shape.extra_layer > 0) {
       extra_source_ = input.narrow(1, shape.num_inputs, shape.num_extra);
       extra_copy_ = layers_[shape.extra_layer].input.narrow(1, shape.hidden[shape.extra_layer - 1],

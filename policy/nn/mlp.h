@@ -16,6 +16,14 @@ enum class PassUse {
   kInference,  ///< Forward only: no memory for gradients.
 };
 
+/// Memory for the results of a pass, such as the rows of a larger batch's. A pass allocates what is
+/// undefined.
+struct PassResults {
+  at::Tensor output;           ///< [B, O], dense
+  at::Tensor output_gradient;  ///< [B, O], dense
+  at::Tensor extra_gradient;   ///< [B, E], dense
+};
+
 /// Inputs, outputs and intermediate results of a pass through an `Mlp`, for one batch size.
 /// Allocates on construction only.
 ///
@@ -27,7 +35,7 @@ class MlpPass {
   /// `input_gradient`: [B, I], written by `Mlp::ParameterGradient`; undefined if not wanted. With
   /// `PassUse::kInference` there are no gradients.
   explicit MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use = PassUse::kTraining,
-                   const at::Tensor& input_gradient = {});
+                   const at::Tensor& input_gradient = {}, const PassResults& results = {});
 
   at::Tensor& output() { return output_; }                    ///< [B, O], written by Forward.
   at::Tensor& output_gradient() { return output_gradient_; }  ///< [B, O], for the backward passes.

@@ -10,17 +10,17 @@
 namespace slalom::nn {
 
 NetworkPass::NetworkPass(const NetworkShape& shape, const at::Tensor& input, PassUse use,
-                         base::Random* dropout) {
+                         base::Random* dropout, const PassResults& results) {
   SLALOM_CHECK_EQ(input.size(1), static_cast<std::int64_t>(shape.num_inputs() + shape.num_extra()));
   if (!shape.has_encoder()) {
-    mlp_.emplace(shape.mlp, input, use);
+    mlp_.emplace(shape.mlp, input, use, at::Tensor(), results);
     return;
   }
   const std::int64_t width = shape.mlp.num_inputs;
   const at::Tensor head = at::zeros({input.size(0), width + shape.num_extra()}, input.options());
   at::Tensor gradient;
   if (use == PassUse::kTraining) gradient = at::zeros({input.size(0), width}, input.options());
-  mlp_.emplace(shape.mlp, head, use, gradient);
+  mlp_.emplace(shape.mlp, head, use, gradient, results);
   const bool drops = use == PassUse::kTraining || shape.config.dropout_everywhere;
   encoder_ = MakeEncoderPass(shape, {.input = input.narrow(1, 0, shape.num_inputs()),
                                      .features = head.narrow(1, 0, width),

@@ -26,7 +26,8 @@ class NetworkPass {
   /// `dropout` draws the masks of a network that has dropout, and must outlive the pass. No dropout
   /// is applied if it is null, or in inference unless the config has it everywhere.
   explicit NetworkPass(const NetworkShape& shape, const at::Tensor& input,
-                       PassUse use = PassUse::kTraining, base::Random* dropout = nullptr);
+                       PassUse use = PassUse::kTraining, base::Random* dropout = nullptr,
+                       const PassResults& results = {});
 
   /// [B, O], written by Forward.
   at::Tensor& output() { return mlp_->output(); }

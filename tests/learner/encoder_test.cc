@@ -20,7 +20,7 @@ using Combination = std::tuple<const char*, EncoderCase>;  // Algorithm, encoder
 
 class EncoderTest : public testing::TestWithParam<Combination> {
  protected:
-  static constexpr int kBatch = 8;
+  static constexpr int kBatch = 20;  // Two slices of different size.
   static constexpr int kBeams = 24;
 
   EncoderTest() {
@@ -64,6 +64,19 @@ TEST_P(EncoderTest, LearnsAndGoesOnBitForBitAfterARestore) {
   EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
   EXPECT_FALSE(Saved(whole).tensors.at("actor.parameters") == before.at("actor.parameters"));
   EXPECT_EQ(whole.FindFault(), std::nullopt);
+}
+
+TEST_P(EncoderTest, AnyNumberOfThreadsGivesTheSameBits) {
+  spec_.network.dropout = 0.0;  // Which only one thread draws.
+  const auto train = [&](int threads) {
+    method_.learner.threads = threads;
+    Learner learner(method_, spec_, 5);
+    Train(learner, 0, 4);
+    return Saved(learner).tensors;
+  };
+  const nn::TensorMap two = train(2);
+  EXPECT_EQ(two, train(3));
+  EXPECT_EQ(two, train(4));
 }
 
 TEST(EveryEncoder, IsOfEachKind) {

@@ -60,6 +60,51 @@ TEST(MinibatchReader, LaysOutHistoryThenAction) {
   EXPECT_EQ(random.state(), base::Random(1).state()) << "drew without need";
 }
 
+TEST(MinibatchReader, ReadsTheSameByAnyNumberOfThreads) {
+  constexpr int kMany = 50;  // Several times what a thread reads at a time, and some more.
+  const RandomRows random_rows(kMany, kHistory, kBeams, 3);
+  const auto read = [&](base::ParallelFor* parallel) {
+    Minibatch minibatch(kMany, kHistory, Features().frame_size(), at::kCPU);
+    minibatch.parallel = parallel;
+    MinibatchReader reader(Features(), kHistory, 1.0, /*mirror=*/true, 1.0);
+    base::Random random(1), coins(1);
+    std::vector<std::vector<float>> all;
+    for (int round = 0; round < 2; ++round) {
+      reader.Read(random_rows.rows, random, minibatch);
+      for (int i = 0; i < kMany; ++i) {
+        all.push_back(Row(minibatch, i));
+        EXPECT_EQ(all.back(), Expected(random_rows.rows, i, (coins.NextU64() >> 63) != 0));
+        for (const at::Tensor& t : {minibatch.reward, minibatch.cost, minibatch.discount}) {
+          all.back().push_back(t.data_ptr<float>()[i]);
+        }
+      }
+    }
+    return all;
+  };
+  base::ParallelFor two(2), three(3);
+  const auto alone = read(nullptr);
+  EXPECT_EQ(alone, read(&two));
+  EXPECT_EQ(alone, read(&three));
+}
+
+TEST(Minibatch, SlicesCoverItsRowsInTheirOrder) {
+  base::ParallelFor parallel(2);
+  for (const int batch : {1, 8, 9, 16, 20, 100, 128, 1000}) {
+    Minibatch minibatch(batch, 1, 4, at::kCPU);
+    EXPECT_EQ(minibatch.Slices().size(), 1u);
+    minibatch.parallel = &parallel;
+    std::int64_t end = 0;
+    for (const RowSlice& slice : minibatch.Slices()) {
+      EXPECT_EQ(slice.begin, end);
+      EXPECT_GE(slice.size, 1);
+      EXPECT_EQ(slice.begin % 8, 0);
+      end += slice.size;
+    }
+    EXPECT_EQ(end, batch);
+    EXPECT_EQ(minibatch.Slices().size() > 1, batch > 8) << batch;
+  }
+}
+
 TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
   const RandomRows random_rows(kBatch, kHistory, kBeams, 2);
   Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/parallel.h"
 #include "learner/adam.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
@@ -29,22 +30,25 @@ void CompareAdam(at::ScalarType type, double tolerance) {
   const Tensor start = torch::randn({2500}, torch::kDouble);
   Tensor expected = start.clone().requires_grad_();
   torch::optim::Adam optimiser({expected}, torch::optim::AdamOptions(0.01));
+  // Each thread takes some of the parameters, and the gradient is a sum of three.
+  base::ParallelFor parallel(2);
+  const Tensor number = torch::arange(2500);
   Tensor parameters = start.to(type, /*non_blocking=*/false, /*copy=*/true);
-  Tensor gradient = torch::zeros_like(parameters);
+  Tensor gradients = torch::zeros({3, 2500}, parameters.options());
   Tensor average = parameters.clone();
   Tensor expected_average = start.clone();
   Tensor norm = torch::zeros({1}, torch::kDouble);
   double expected_norm = 0.0;
-  Adam adam(parameters, gradient);
+  Adam adam(parameters, gradients, &parallel);
   for (int step = 0; step < 20; ++step) {
     const Tensor g = torch::randn({2500}, torch::kDouble) * (step % 3);
-    gradient.copy_(g);
+    for (int s = 0; s < 3; ++s) gradients[s].copy_(g * (number % 3 == s));
     expected.mutable_grad() = g;
     optimiser.step();
     expected_norm += g.norm().item<double>();
     expected_average.lerp_(expected.detach(), 0.1);
     const PolyakAverage averages[] = {{average, 0.1}};
-    adam.Step(0.01, averages, norm);
+    adam.Step(0.01, averages, norm, /*num_gradients=*/3);
   }
   EXPECT_LE((parameters - expected).abs().max().item<double>(), tolerance);
   EXPECT_LE((average - expected_average).abs().max().item<double>(), tolerance);
@@ -274,13 +278,17 @@ struct Case {
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-class LearnerReferenceTest : public testing::TestWithParam<Case> {};
+class LearnerReferenceTest : public testing::TestWithParam<Case> {
+ protected:
+  static void CompareUpdates(int threads);
+};
 
-TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
+void LearnerReferenceTest::CompareUpdates(int threads) {
   MethodConfig method;
   LearnerConfig& config = method.learner;
   config.algorithm = GetParam().algorithm;
   config.device = DeviceChoice::kCpu;
+  config.threads = threads;
   config.batch_size = 16;
   // Small steps keep the difference between float32 and float64 small: Adam divides by the size of
   // a gradient, so where one is near zero the two may step apart by the whole rate.
@@ -332,6 +340,9 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
     compare("cost_critics.target_parameters", reference.cost_critics.target);
   }
 }
+
+TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) { CompareUpdates(1); }
+TEST_P(LearnerReferenceTest, UpdatesBySlicesAreThoseOfThePaper) { CompareUpdates(2); }
 
 INSTANTIATE_TEST_SUITE_P(Methods, LearnerReferenceTest,
                          testing::Values(Case{"Td3Paper", "td3", {32, 16}, {16, 16}},
