@@ -67,7 +67,7 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"tracking", 5, {"the first command's", "MPPI", "DWA"}},
       {"localisation", 7, {"the first command's", "MPPI", "DWA"}},
       {"guard", 9, {"the first command's", "MPPI", "MPPI, far map", "TEB", "DWA"}},
-      {"moving", 5, {"moving.toml"}},
+      {"moving", 5, {"moving"}},
       {"paper/algorithms", 15, {"TD3 / MLP / 1", "SAC / GRU / 4", "DDPG / Transformer / 4"}},
       {"paper/figure-1", 17, {"RL", "DWA", "E-band"}},
       {"paper/memory", 81, {"MLP / 1", "GRU / 4", "Transformer / 8"}},
