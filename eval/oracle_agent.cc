@@ -355,13 +355,11 @@ OracleAgent::~OracleAgent() = default;
 
 void OracleAgent::Act(const env::ObservationBatch& observations, std::span<float> actions) {
   SLALOM_CHECK_EQ(static_cast<std::size_t>(observations.batch_size), drivers_.size());
-  const auto act = [&](int i) {
+  base::For(parallel_, observations.batch_size, [&](int i) {
     if (observations.ended[i]) return;
     if (observations.first[i]) drivers_[i]->BeginEpisode();
     env::AsActions(actions)[i] = drivers_[i]->Act();
-  };
-  if (parallel_ != nullptr) return parallel_->For(observations.batch_size, act);
-  for (int i = 0; i < observations.batch_size; ++i) act(i);
+  });
 }
 
 }  // namespace slalom::eval

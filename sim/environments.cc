@@ -205,15 +205,10 @@ void CourseEnvironments::Step(std::span<const float> actions, std::span<env::Ste
   SLALOM_CHECK_EQ(results.size(), environments_.size());
   results_ = results;
   const int num_groups = (batch_size() + kGroup - 1) / kGroup;
-  if (parallel_ == nullptr) {
-    for (int group = 0; group < num_groups; ++group) DriveGroup(group);
-    for (int i = 0; i < batch_size(); ++i) EndStep(i);
-  } else {
-    // Robots drive in groups. Scans, which take longer, are then done one by one, so that no thread
-    // waits long for the last.
-    parallel_->For(num_groups, [this](int group) { DriveGroup(group); });
-    parallel_->For(batch_size(), [this](int i) { EndStep(i); });
-  }
+  // Robots drive in groups. Scans, which take longer, are then done one by one, so that no thread
+  // waits long for the last.
+  base::For(parallel_, num_groups, [this](int group) { DriveGroup(group); });
+  base::For(parallel_, batch_size(), [this](int i) { EndStep(i); });
 }
 
 void CourseEnvironments::DriveGroup(int group) {

@@ -1,6 +1,5 @@
 #include "app/train/guarded.h"
 
-#include <algorithm>
 #include <memory>
 #include <numbers>
 #include <utility>

@@ -3,7 +3,6 @@
 #include <memory>
 
 #include "env/agent.h"
-#include "env/sensing/scan.h"
 #include "eval/evaluation.h"
 #include "planners/guard/guarded_agent.h"
 #include "sim/environment_config.h"
