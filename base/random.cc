@@ -45,13 +45,12 @@ Random::Random(std::uint64_t seed) {
 
 std::uint64_t Random::UniformInt(std::uint64_t n) {
   SLALOM_CHECK_GE(n, 1u);
-  // Lemire's multiplication, rejecting the few products that would favour small results.
-  const std::uint64_t threshold = (0 - n) % n;
+  // Lemire's multiplication, rejecting the few products that would favour small results. The
+  // division is seldom needed: what it leaves is below n.
   while (true) {
     const Uint128 product = static_cast<Uint128>(NextU64()) * n;
-    if (static_cast<std::uint64_t>(product) >= threshold) {
-      return static_cast<std::uint64_t>(product >> 64);
-    }
+    const auto low = static_cast<std::uint64_t>(product);
+    if (low >= n || low >= (0 - n) % n) return static_cast<std::uint64_t>(product >> 64);
   }
 }
 
