@@ -216,9 +216,9 @@ std::vector<Result> ManyResults(int num_results) {
 
 TEST(ReportPage, StaysAFewMegabytes) {
   // 2.0 MB of tracks, 2.0 MB of scans, 1.2 MB of motions, 0.7 MB of courses and what is between.
-  const std::vector<Result> ten = ManyResults(10);
-  EXPECT_LT(ReportPage(Compare(ten)).size(), 7'000'000u);
-  EXPECT_LT(ReportPage(Compare(std::span(ten).first(1))).size(), 4'000'000u);
+  const std::vector<Result> four = ManyResults(4);
+  EXPECT_LT(ReportPage(Compare(four)).size(), 5'500'000u);
+  EXPECT_LT(ReportPage(Compare(std::span(four).first(1))).size(), 4'000'000u);
 }
 
 TEST(ReportPage, HoldsEverythingItNeeds) {
