@@ -103,3 +103,15 @@ bool ParseEnum(std::string_view name, E& value) {
 }
 
 }  // namespace slalom::base
+
+namespace slalom::config {
+
+struct FieldList;
+
+/// The fields of a config struct, as base/config.h defines it. A struct of hundreds of fields,
+/// which take a compiler ten seconds, is listed by one source file alone: its header has
+/// `extern template`.
+template <class Config>
+FieldList ListFields(Config& config);
+
+}  // namespace slalom::config

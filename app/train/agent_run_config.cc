@@ -90,3 +90,6 @@ AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunCon
 }
 
 }  // namespace slalom::train
+
+template slalom::config::FieldList slalom::config::ListFields(
+    slalom::train::AgentRunConfig& config);

@@ -77,3 +77,6 @@ eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersCo
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults = {});
 
 }  // namespace slalom::train
+
+extern template slalom::config::FieldList slalom::config::ListFields(
+    slalom::train::AgentRunConfig& config);

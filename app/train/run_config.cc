@@ -183,3 +183,5 @@ std::uint64_t SpecHash(const RunConfig& config) {
 }
 
 }  // namespace slalom::train
+
+template slalom::config::FieldList slalom::config::ListFields(slalom::train::RunConfig& config);

@@ -196,3 +196,6 @@ std::int64_t LargestChunkBytes(const RunConfig& config);
 std::uint64_t SpecHash(const RunConfig& config);
 
 }  // namespace slalom::train
+
+extern template slalom::config::FieldList slalom::config::ListFields(
+    slalom::train::RunConfig& config);
