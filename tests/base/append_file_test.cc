@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <memory>
+#include <utility>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
@@ -40,6 +43,17 @@ TEST(AppendFileTest, OnAFullDiskARecordIsThereWholeOrNotAtAll) {
   }
   EXPECT_FALSE(file.Append("efghij"));
   EXPECT_EQ(ReadFile(path), "0123456789abcdefghij");
+}
+
+TEST(AppendFileTest, OneThatIsMovedOutlivesTheOther) {
+  const test::ScratchDirectory scratch;
+  const auto path = scratch.path() / "file";
+  auto first = std::make_unique<AppendFile>(path, AppendFile::Mode::kMakeNew);
+  EXPECT_FALSE(first->Append("one "));
+  AppendFile second(std::move(*first));
+  first.reset();
+  EXPECT_FALSE(second.Append("two"));
+  EXPECT_EQ(ReadFile(path), "one two");
 }
 
 TEST(AppendFileTest, WhatCannotBeOpenedIsNamed) {

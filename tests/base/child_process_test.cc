@@ -5,7 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdlib>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -50,6 +53,42 @@ TEST(ChildProcessTest, AProgramThatIsNotThereIsAnError) {
   EXPECT_THROW(ChildProcess({.arguments = {"true"}, .log = "/no/such/directory/log"}), Error);
 }
 
+// A variable takes the place of that of its name, and of no other whose name begins or goes on so.
+TEST(ChildProcessTest, OtherVariablesOfTheEnvironmentStay) {
+  for (const char* name : {"SLALOM_A", "SLALOM_AB", "SLALOM_ABC"}) ::setenv(name, "ours", 1);
+  const test::ScratchDirectory scratch;
+  const auto log = scratch.path() / "log";
+  ChildProcess child({.arguments = {"sh", "-c", "echo $SLALOM_A $SLALOM_AB $SLALOM_ABC"},
+                      .log = log,
+                      .environment = {"SLALOM_AB=new"}});
+  EXPECT_EQ(child.Wait(), 0);
+  EXPECT_EQ(ReadFile(log), "ours new ours\n");
+  for (const char* name : {"SLALOM_A", "SLALOM_AB", "SLALOM_ABC"}) ::unsetenv(name);
+}
+
+// A role must not take the input of the console, nor be deaf to signals that this thread blocks.
+TEST(ChildProcessTest, OneWithALogReadsNothingAndBlocksNoSignal) {
+  const test::ScratchDirectory scratch;
+  const auto log = scratch.path() / "log";
+  const MemoryFile input;
+  const int before = ::dup(STDIN_FILENO);
+  ::dup2(input.descriptor(), STDIN_FILENO);
+  sigset_t term, mask;
+  sigemptyset(&term);
+  sigaddset(&term, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &term, &mask);
+  // No shell, which would unblock them by itself.
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"readlink", "/proc/self/fd/0"},
+        std::vector<std::string>{"grep", "SigBlk", "/proc/self/status"}}) {
+    EXPECT_EQ(ChildProcess({.arguments = arguments, .log = log}).Wait(), 0);
+  }
+  pthread_sigmask(SIG_SETMASK, &mask, nullptr);
+  ::dup2(before, STDIN_FILENO);
+  ::close(before);
+  EXPECT_EQ(ReadFile(log), "/dev/null\nSigBlk:\t0000000000000000\n");
+}
+
 TEST(ChildProcessTest, GetsFilesUnderItsOwnNumbers) {
   // Each has the number that the child has for the other one.
   const MemoryFile a, b;
@@ -74,6 +113,18 @@ TEST(RunProgramTest, GivesWhatItWroteAndHowItEnded) {
   EXPECT_EQ(result.errors, "error\n");
   EXPECT_EQ(RunProgram({"sh", "-c", "kill -9 $$"}).exit_code, 128 + SIGKILL);
   EXPECT_THROW(RunProgram({"no-such-program-anywhere"}), ProgramMissing);
+}
+
+TEST(RunProgramTest, GivesLongOutputsWhole) {
+  const ProgramResult result = RunProgram({"sh", "-c", "seq 40000; seq 30000 >&2"});
+  const auto expect_numbers = [](const std::string& text, int last) {
+    std::istringstream numbers(text);
+    int expected = 0;
+    for (int number = 0; numbers >> number;) ASSERT_EQ(number, ++expected);
+    EXPECT_EQ(expected, last);
+  };
+  expect_numbers(result.output, 40000);
+  expect_numbers(result.errors, 30000);
 }
 
 TEST(ChildProcessTest, DiesWithThisProgramHoweverThatEnds) {

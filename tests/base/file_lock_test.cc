@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <memory>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "base/error.h"
@@ -37,6 +39,33 @@ TEST(FileLockTest, OneAtATimeHoldsAFile) {
     EXPECT_EQ(RefusalOf(lock), file.string() + ": it is in use");
   }
   EXPECT_EQ(RefusalOf(lock), "");
+}
+
+TEST(FileLockTest, OneThatIsMovedOutlivesTheOther) {
+  const test::ScratchDirectory scratch;
+  const fs::path file = scratch.path() / "lock";
+  auto first = std::make_unique<FileLock>(FileLock::OfFile(file, "it is in use"));
+  const FileLock second = std::move(*first);
+  first.reset();
+  EXPECT_THROW(FileLock::OfFile(file, "it is in use"), Error);
+}
+
+// Else one that tries again and again has no descriptor left.
+TEST(FileLockTest, ARefusalKeepsNoDescriptor) {
+  const test::ScratchDirectory scratch;
+  const fs::path file = scratch.path() / "lock";
+  const FileLock lock = FileLock::OfFile(file, "it is in use");
+  const auto num_open = [&] {
+    int count = 0;
+    std::error_code gone;
+    for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+      count += fs::read_symlink(entry.path(), gone) == file;
+    }
+    return count;
+  };
+  EXPECT_EQ(num_open(), 1);
+  for (int i = 0; i < 3; ++i) EXPECT_THROW(FileLock::OfFile(file, "it is in use"), Error);
+  EXPECT_EQ(num_open(), 1);
 }
 
 TEST(FileLockTest, TheLockStaysWithADirectoryThatIsRenamed) {

@@ -156,6 +156,19 @@ TEST_F(FileTest, ALinkStaysAndItsFileIsReplaced) {
   EXPECT_EQ(ReadFile(file), "made anew");
 }
 
+TEST_F(FileTest, ALinkToALinkCountsFromThePlaceOfEach) {
+  const fs::path there = directory_ / "there", below = there / "below";
+  MakeDirectories(below);
+  WriteFileAtomically(below / "file", "old");
+  fs::create_symlink("there/link", directory_ / "link");
+  fs::create_symlink("below/link", there / "link");
+  fs::create_symlink("file", below / "link");
+  WriteFileAtomically(directory_ / "link", "new");
+  EXPECT_EQ(ReadFile(below / "file"), "new");
+  EXPECT_TRUE(fs::is_symlink(below / "link"));
+  EXPECT_EQ(NumFiles(), 2);
+}
+
 // The kernel does not follow links that lead to each other: what they stand for is not known.
 TEST_F(FileTest, WhatKilledWritersLeftIsRemovedAndNothingElse) {
   for (const char* name : {"policy.safetensors.tmp", "spool.tmp-0123456789abcdef", "notes.tmp-old",
@@ -181,6 +194,19 @@ TEST_F(FileTest, ADirectoryThatCannotBeSyncedIsAnError) {
   WriteFileAtomically(path, "newer");
   EXPECT_EQ(ReadFile(path), "newer");
   EXPECT_EQ(NumFiles(), 1) << "no temporary file is left";
+}
+
+// Else a loss of power takes a directory away with all that was synced in it.
+TEST_F(FileTest, EveryDirectoryThatGetsANewOneIsSynced) {
+  for (const fs::path& parent : {directory_, directory_ / "a", directory_ / "a/b"}) {
+    fs::remove_all(directory_ / "a");
+    const test::FailingCalls failing({.function = "open", .path = parent.string(), .error = EIO},
+                                     directory_ / "calls");
+    EXPECT_THAT(ErrorOf([&] { MakeDirectories(directory_ / "a/b/c"); }),
+                HasSubstr(parent.string() + ": cannot be synced"));
+  }
+  MakeDirectories(directory_ / "a/b/c");
+  EXPECT_TRUE(fs::is_directory(directory_ / "a/b/c"));
 }
 
 TEST_F(FileTest, WhatCannotBeLookedAtIsNotReplaced) {
