@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <memory>
 #include <thread>
@@ -72,6 +75,8 @@ TEST(ExposerTest, SaysWhetherTheRoleIsHealthy) {
   registry.SetFault("the disk is full");
   EXPECT_THAT(Get(exposer.port(), "/healthy"),
               AllOf(StartsWith("HTTP/1.1 503 "), EndsWith("\r\n\r\nthe disk is full\n")));
+  registry.SetFault("it cannot be read");
+  EXPECT_THAT(Get(exposer.port(), "/healthy"), EndsWith("\r\n\r\nit cannot be read\n"));
   registry.SetFault("");
   EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
 }
@@ -124,9 +129,9 @@ TEST(ExposerTest, OnTheLoopbackAddressOtherHostsAreRefused) {
   }
   EXPECT_EQ(Exchange(exposer.port(), "GET /healthy HTTP/1.0\r\n\r\n").substr(0, 12),
             "HTTP/1.1 200");
-  for (const char* host :
-       {"Host: example.org", "Host: 127.0.0.1.example.org:9400", "Host: localhost.example.org",
-        "Host: 10.0.0.1:9400", "Host: [::2]", "Host: 127.example.org"}) {
+  for (const char* host : {"Host: example.org", "host: example.org", "HOST:\texample.org",
+                           "Host: 127.0.0.1.example.org:9400", "Host: localhost.example.org",
+                           "Host: 10.0.0.1:9400", "Host: [::2]", "Host: 127.example.org"}) {
     EXPECT_EQ(status(exposer.port(), host), "HTTP/1.1 421") << host;
   }
   const Exposer open("0.0.0.0:0", registry);
@@ -140,6 +145,82 @@ TEST(ExposerTest, ManySilentConnectionsKeepNobodyOut) {
   for (int i = 0; i < 200; ++i) silent.push_back(test::Connect(exposer.port()));
   EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
   for (const int socket : silent) close(socket);
+}
+
+// On a clock that stands still none of them is closed for its age.
+TEST(HttpServerTest, OfManySilentConnectionsTheOldestGo) {
+  const Listener listener = Listen("127.0.0.1:0", "answer");
+  const HttpServer server(
+      listener.socket, [](std::string_view) { return HttpAnswer{.body = "here"}; },
+      [] { return std::chrono::steady_clock::time_point(); });
+  std::vector<int> silent;
+  for (int i = 0; i < 200; ++i) silent.push_back(test::Connect(listener.port));
+  EXPECT_THAT(Get(listener.port, "/"), EndsWith("here"));
+  const auto is_open = [](int socket) {
+    char byte = 0;
+    return ::recv(socket, &byte, 1, MSG_DONTWAIT) < 0 && errno == EAGAIN;
+  };
+  // 64 are kept, of which the one that asked was the last.
+  for (std::size_t i = 0; i < silent.size(); ++i) {
+    EXPECT_EQ(is_open(silent[i]), i + 63 >= silent.size()) << i;
+  }
+  for (const int socket : silent) close(socket);
+}
+
+/// Lets this process open no file or connection for as long as it lives, unless one of the first
+/// few closes.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    EXPECT_EQ(::getrlimit(RLIMIT_NOFILE, &before_), 0);
+    // poll(2) takes no more of them than the limit.
+    const rlimit limit{5, before_.rlim_max};
+    EXPECT_EQ(::setrlimit(RLIMIT_NOFILE, &limit), 0);
+  }
+  ~NoDescriptors() { EXPECT_EQ(::setrlimit(RLIMIT_NOFILE, &before_), 0); }
+  NoDescriptors(const NoDescriptors&) = delete;
+  NoDescriptors& operator=(const NoDescriptors&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST(HttpServerTest, OnceThereAreDescriptorsAgainEverybodyIsAnswered) {
+  const Listener listener = Listen("127.0.0.1:0", "answer");
+  const HttpServer server(
+      listener.socket, [](std::string_view) { return HttpAnswer{.body = "here"}; },
+      [] { return std::chrono::steady_clock::time_point(); });
+  const auto ask = [](int socket) {
+    const std::string_view request = "GET / HTTP/1.1\r\n\r\n";
+    EXPECT_EQ(::send(socket, request.data(), request.size(), MSG_NOSIGNAL),
+              static_cast<ssize_t>(request.size()));
+    std::string answer(1000, ' ');
+    std::size_t size = 0;
+    while (true) {
+      const ssize_t n = ::recv(socket, answer.data() + size, answer.size() - size, 0);
+      if (n <= 0) break;
+      size += static_cast<std::size_t>(n);
+    }
+    return answer.substr(0, size);
+  };
+  for (int round = 0; round < 2; ++round) {
+    const int first = test::Connect(listener.port), second = test::Connect(listener.port);
+    EXPECT_THAT(Get(listener.port, "/"), EndsWith("here")) << "those before it are taken";
+    const int late = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    {
+      const NoDescriptors none;
+      sockaddr_storage address{};
+      socklen_t length = sizeof address;
+      auto* const plain = reinterpret_cast<sockaddr*>(&address);
+      ASSERT_EQ(::getsockname(listener.socket, plain, &length), 0);
+      ASSERT_EQ(::connect(late, plain, length), 0);
+      // It looks for connections between two answers.
+      EXPECT_THAT(ask(first), EndsWith("here"));
+      EXPECT_THAT(ask(second), EndsWith("here"));
+    }
+    EXPECT_THAT(ask(late), EndsWith("here"));
+    for (const int socket : {first, second, late}) close(socket);
+  }
 }
 
 // A request has a second, and its answer five more.

@@ -117,6 +117,8 @@ TEST(RegistryTest, ReplacedSeriesAreNoLongerShown) {
   EXPECT_THAT(lines, Contains("slalom_level{" + kLabels + R"(,cell="c1",state="training"} 1)"));
   EXPECT_THAT(lines, Contains(testing::StartsWith("slalom_level{")).Times(1));
   EXPECT_THAT(lines, Contains("slalom_things_total{" + kLabels + R"(,kind="red"} 0)"));
+  registry.Replace({});
+  EXPECT_THAT(registry.Text(), Not(HasSubstr("slalom_level")));
 }
 
 TEST(RegistryTest, WhatALabelMayHoldIsEscaped) {
