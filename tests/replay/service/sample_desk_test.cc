@@ -79,6 +79,21 @@ TEST_F(SampleDeskTest, OneThatIsSilentOrGoneIsTheFirstToBeDropped) {
   EXPECT_TRUE(is_dropped_for("f"));
 }
 
+TEST_F(SampleDeskTest, AllThatAreGoneAreForgottenAtOnce) {
+  limiter_.AddSteps(1000);
+  RowsSource source(1, 2, 1);
+  for (int i = 0; i < 5; ++i) table_.Insert(source.Next(3));
+  for (int i = 0; i < 3; ++i) {
+    const transport::PeerId peer = network_.Connect();
+    desk_.Ask(peer, "learner-" + std::to_string(i),
+              {.cursor = 0, .batch = 4, .history = 1, .n_step = 1});
+    network_.Cut(peer);
+  }
+  EXPECT_EQ(desk_.num_waiting(), 3);
+  desk_.Advance(4, 0.0);
+  EXPECT_EQ(desk_.num_waiting(), 0);
+}
+
 /// A desk of a table that is filled later, and a learner.
 class SampleDeskTurnsTest : public testing::Test {
  protected:
