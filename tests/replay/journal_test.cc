@@ -7,12 +7,14 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <optional>
 #include <system_error>
 #include <thread>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "replay/rows.h"
 #include "tests/replay/journal_scene.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
@@ -170,6 +172,22 @@ TEST(JournalTest, AHoleAtTheEndIsALossOfPower) {
   }
 }
 
+TEST(JournalTest, AHoleInTheLastSectorIsSeen) {
+  Written written;
+  const std::string last = written.names.back();
+  auto files = written.files;
+  constexpr std::size_t kSector = 512;
+  std::string& content = files[last];
+  content.resize((content.size() + kSector - 1) / kSector * kSector + kSector, 'x');
+  content.append(kSector, '\0');
+  WriteSegments(written.scratch.path(), files);
+  const Recovered recovered = written.Recover();
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions),
+            written.scene.marks().back().state);
+  EXPECT_EQ(recovered.lost_rows, 0);
+  EXPECT_GT(recovered.unsynced_rows, 0);
+}
+
 TEST(JournalTest, AMissingSegmentIsNoticed) {
   Written written;
   auto files = written.files;
@@ -198,6 +216,62 @@ TEST(JournalTest, DamagedBytesAreCutOffOnlyWhenTheirCopyIsWritten) {
   fs::remove(copy);
   EXPECT_THAT(written.Recover().notes, SizeIs(1));
   EXPECT_TRUE(files[last].ends_with(base::ReadFile(copy)));
+}
+
+// Each damage costs what comes before the segment at which the table begins again.
+TEST(JournalTest, TwoMissingSegmentsCostTheRowsOfBoth) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 2500, 11);
+  scene.Open();
+  scene.Append(150);
+  scene.Close();
+  auto files = ReadSegments(scratch.path());
+  std::vector<std::string> names;
+  for (const auto& [name, content] : files) names.push_back(name);
+  ASSERT_GE(names.size(), 6u);
+  const auto first_row = [&](std::size_t i) { return scene.segments()[i].first_row; };
+  for (const std::size_t i : {1, 3}) {
+    ASSERT_LT(first_row(i - 1), first_row(i));
+    files.erase(names[i]);
+  }
+  WriteSegments(scratch.path(), files);
+  const Recovered recovered = RecoverJournal(scene.options(), scene.config());
+  EXPECT_THAT(recovered.notes, SizeIs(2));
+  EXPECT_EQ(recovered.lost_rows, first_row(1) + first_row(3) - first_row(2));
+  EXPECT_EQ(recovered.unsynced_rows, 0);
+  EXPECT_EQ(recovered.table.first_sequence(), first_row(4));
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions, first_row(4) + 1),
+            JournalScene::Describe(scene.table(), scene.sessions(), first_row(4) + 1));
+  // The next journal counts and deletes those that it is told of.
+  ASSERT_EQ(recovered.segments.size(), names.size() - 4);
+  for (std::size_t i = 0; i < recovered.segments.size(); ++i) {
+    EXPECT_EQ(recovered.segments[i].path.filename(), names[4 + i]);
+  }
+}
+
+TEST(JournalTest, TwoCutsCostTheRowsBehindBoth) {
+  Written written;
+  auto files = written.files;
+  std::int64_t expected = 0;
+  const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, JournalScene::kBeams));
+  // The one before the last at its end, and the last in its state, so that nothing begins with it.
+  for (std::size_t i = written.names.size() - 2; i < written.names.size(); ++i) {
+    std::string& content = files[written.names[i]];
+    std::int64_t begin = 0;
+    for (const auto& mark : written.scene.marks()) {
+      if (mark.segment == i && mark.end + 1000 < std::int64_t(content.size())) begin = mark.end;
+    }
+    if (i + 1 == written.names.size()) begin = 0;
+    content[begin == 0 ? SegmentHead::kBytes + 40 : begin] ^= 1;
+    const std::int64_t rows = (std::int64_t(content.size()) - begin) / row_bytes;
+    ASSERT_GT(rows, 0);
+    expected += rows;
+  }
+  WriteSegments(written.scratch.path(), files);
+  const Recovered recovered = written.Recover();
+  EXPECT_THAT(recovered.notes, SizeIs(2));
+  EXPECT_EQ(recovered.lost_rows, expected);
+  EXPECT_EQ(recovered.unsynced_rows, 0);
 }
 
 // What a loss of power leaves where the disk wrote the files in another order: the segment after
@@ -334,6 +408,29 @@ TEST(JournalTest, AFullDiskHoldsBackWhatIsWrittenAndLosesNothing) {
             scene.marks().back().state);
 }
 
+// A file that cannot be made, and then one that cannot be written: the status tells the last fault.
+TEST(JournalTest, TheStatusTellsTheLastFault) {
+  test::ScratchDirectory scratch;
+  const test::ScratchDirectory counts;
+  JournalScene scene(scratch.path(), 1000, 1 << 20, 3);
+  std::optional<test::SmallFiles> limit;
+  {
+    const test::FailingCalls failing(
+        {.function = "open", .path = "*.log", .error = EMFILE, .last = 1'000'000},
+        counts.path() / "opens");
+    scene.Open();
+    test::WaitUntil([&] {
+      return scene.journal().status().failing.find("cannot create") != std::string::npos;
+    });
+    limit.emplace(20);
+  }
+  test::WaitUntil(
+      [&] { return scene.journal().status().failing.find("cannot write") != std::string::npos; });
+  limit.reset();
+  scene.WaitWritten();
+  EXPECT_THAT(scene.journal().status().failing, IsEmpty());
+}
+
 // Closing does not wait for a disk that stays full; what was written is whole.
 TEST(JournalTest, ClosesOnAFullDisk) {
   test::ScratchDirectory scratch;
@@ -416,6 +513,62 @@ TEST(JournalTest, ASegmentBeginsOnlyWhenThoseBeforeItAreSynced) {
   scene.WaitWritten();
   scene.Close();
   EXPECT_THAT(ReadSegments(scratch.path()), SizeIs(2));
+}
+
+TEST(JournalTest, EachSegmentIsFullBeforeTheNextBegins) {
+  Written written;
+  const auto full = static_cast<std::size_t>(written.scene.options().segment_bytes);
+  for (std::size_t i = 0; i < written.names.size(); ++i) {
+    const std::size_t size = written.files[written.names[i]].size();
+    if (i + 1 < written.names.size()) EXPECT_GE(size, full) << written.names[i];
+    EXPECT_LT(size, 2 * full) << written.names[i];
+  }
+}
+
+/// A journal without rows, whose syncs are as far apart as `sync_interval` says.
+std::unique_ptr<Journal> MakeJournal(const fs::path& directory,
+                                     std::chrono::milliseconds sync_interval) {
+  return std::make_unique<Journal>(
+      JournalOptions{.directory = directory, .sync_interval = sync_interval, .shape = 1},
+      JournalLock(directory), std::vector<JournalSegment>(), 1, StateRecord{}, [] {});
+}
+
+TEST(JournalTest, OfTwoFilesSavedBesideUnderANameTheLastStays) {
+  const test::ScratchDirectory scratch;
+  const auto journal = MakeJournal(scratch.path(), std::chrono::hours(1));
+  const fs::path cursors = CursorsPath(scratch.path());
+  journal->SaveBeside(cursors, "first");
+  journal->SaveBeside(PrioritiesPath(scratch.path()), "priorities");
+  journal->SaveBeside(cursors, "second");
+  journal->Close();
+  EXPECT_EQ(base::ReadFile(cursors), "second");
+  EXPECT_EQ(base::ReadFile(PrioritiesPath(scratch.path())), "priorities");
+}
+
+TEST(JournalTest, EverySyncIsCountedWithItsTime) {
+  const test::ScratchDirectory scratch;
+  const auto journal = MakeJournal(scratch.path(), std::chrono::milliseconds(0));
+  Journal::Status before = journal->status();
+  for (int i = 0; i < 20; ++i) {
+    test::WaitUntil([&] { return journal->status().syncs > before.syncs; });
+    const Journal::Status now = journal->status();
+    EXPECT_GT(now.sync_s, before.sync_s);
+    EXPECT_GT(now.synced, before.synced);
+    before = now;
+  }
+}
+
+// None of its rows is needed, also if the oldest needed one is the next.
+TEST(JournalTest, ASegmentThatEndsAtTheOldestRowGoes) {
+  const test::ScratchDirectory scratch;
+  const auto journal = MakeJournal(scratch.path(), std::chrono::hours(1));
+  for (int i = 0; i < 2; ++i) journal->BeginSegment(StateRecord{}, 0);
+  journal->Close();
+  EXPECT_THAT(ReadSegments(scratch.path()),
+              testing::ElementsAre(testing::Key("journal-00000003.log")));
+  EXPECT_EQ(journal->status().num_segments, 1);
+  EXPECT_EQ(journal->status().disk_bytes,
+            std::int64_t(fs::file_size(scratch.path() / "journal-00000003.log")));
 }
 
 // Else a server that runs for a week has no descriptor left.

@@ -275,6 +275,46 @@ TEST_F(StorageTest, EveryTruncationAndEveryChangedByteOfAManifestIsNoticed) {
   }
 }
 
+TEST(ManifestTest, ComesBackWhateverOfItIsNotTheUsual) {
+  for (const int state_size : {env::kStateSize, env::kStateSize + 3}) {
+    for (const int action_size : {env::kActionSize, env::kActionSize + 1}) {
+      Manifest manifest{.shape = kBeams, .capacity = 50, .begin = 7, .end = 40, .open = {1, 0, 0}};
+      manifest.shape.state_size = state_size;
+      manifest.shape.action_size = action_size;
+      // The table begins within the first file.
+      manifest.part_files = {{"a", 0, 30, 0xfeed}, {"b", 30, 40, 0x1}};
+      const std::string text = PrintManifest(manifest);
+      const Manifest parsed = ParseManifest(text);
+      EXPECT_EQ(PrintManifest(parsed), text);
+      EXPECT_EQ(parsed.shape, manifest.shape);
+      EXPECT_EQ(parsed.begin, 7);
+      EXPECT_EQ(parsed.open, manifest.open);
+      EXPECT_EQ(parsed.part_files[1].digest, 0x1u);
+    }
+  }
+}
+
+// Files that do not hold the table's rows, or that stand elsewhere, under a sound checksum.
+TEST(ManifestTest, FilesThatDoNotHoldTheRowsAreRefused) {
+  using PartFiles = std::vector<Storage::PartFile>;
+  const auto print = [](const PartFiles& files) {
+    return PrintManifest(
+        {.shape = kBeams, .capacity = 50, .begin = 10, .end = 40, .open = {}, .part_files = files});
+  };
+  EXPECT_NO_THROW(ParseManifest(print({{"a", 10, 20, 0}, {"b", 20, 40, 0}})));
+  const std::vector<PartFiles> wrong = {{},
+                                        {{"a", 10, 20, 0}, {"b", 21, 40, 0}},
+                                        {{"a", 10, 20, 0}, {"b", 19, 40, 0}},
+                                        {{"a", 10, 20, 0}, {"b", 20, 39, 0}},
+                                        {{"a", 10, 20, 0}, {"b", 20, 41, 0}},
+                                        {{"a", 11, 20, 0}, {"b", 20, 40, 0}},
+                                        {{"a", 10, 20, 0}, {"b", 20, 20, 0}, {"c", 20, 40, 0}},
+                                        {{"a", 10, 20, 0}, {"../b", 20, 40, 0}}};
+  for (const PartFiles& files : wrong) {
+    EXPECT_THROW(ParseManifest(print(files)), base::Error) << print(files);
+  }
+}
+
 TEST_F(StorageTest, AnotherPartFileUnderTheSameNameIsNoticed) {
   std::vector<std::string> manifests;
   for (const std::uint64_t seed : {1, 2}) {
