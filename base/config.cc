@@ -132,6 +132,11 @@ class Assign {
   }
   void operator()(std::vector<std::string>* target) {
     std::vector<std::string> list;
+    // One that begins like a list was meant for one, but was no TOML.
+    if (const auto text = node_.value<std::string_view>(); text && !text->starts_with('[')) {
+      *target = {Value<std::string>(node_)};
+      return;
+    }
     for (const toml::node& node : Array()) list.push_back(Value<std::string>(node));
     *target = std::move(list);
   }

@@ -30,8 +30,8 @@
 /// and free text), its unit, its meaning, and the choice without which nothing reads it. From this
 /// list base/config.h reads, checks, prints and documents the struct. A field is a bool, int,
 /// std::int64_t, double, std::string, a `NamedEnum`, a std::vector of int, double, std::string or
-/// `TomlValue`, or `TomlAssignments`. `Tables` takes a std::vector of structs with a `Visit` of
-/// their own.
+/// `TomlValue`, or `TomlAssignments`. One string stands for a list of one. `Tables` takes a
+/// std::vector of structs with a `Visit` of their own.
 
 namespace slalom::base {
 

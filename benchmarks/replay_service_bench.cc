@@ -39,13 +39,13 @@ double ResidentMegabytes() {
   return resident * 4096.0 / 1e6;
 }
 
-transport::Frame ChunkBytes(bool first) {
-  Chunk chunk(kBeams);
-  const std::vector<std::uint16_t> scan(kBeams, 250);
+transport::Frame ChunkBytes(bool first, int num_beams = kBeams) {
+  Chunk chunk(num_beams);
+  const std::vector<std::uint16_t> scan(static_cast<std::size_t>(num_beams), 250);
   const std::vector<float> state(env::kStateSize, 1.0f);
   const env::FrameView frame{scan, state};
   for (int s = 0; s < kRows; ++s) chunk.AddStep(s, first, frame, {}, {.reward = 1.0f});
-  transport::Frame bytes(RowBytes::Size(kRows, kBeams));
+  transport::Frame bytes(RowBytes::Size(kRows, num_beams));
   RowBytes::Write(chunk, bytes.mutable_bytes());
   return bytes;
 }
@@ -192,8 +192,9 @@ class Consumer {
  public:
   static constexpr std::size_t kAhead = 3;
 
-  Consumer(const Service& service, bool prioritized)
+  Consumer(const Service& service, bool prioritized, bool mirrors = false)
       : peer_(service, service.keys().For(service.keys().learner)), prioritized_(prioritized) {
+    if (mirrors) mirror_.emplace(kCapacity, kBeams);
     peer_.Send(
         proto::Hello{.role = "learner", .name = "learner", .num_beams = kBeams, .software = ""});
     SLALOM_CHECK(std::holds_alternative<proto::Welcome>(peer_.Expect()));
@@ -207,19 +208,25 @@ class Consumer {
                                       .n_step = 4,
                                       .gamma = 0.99,
                                       .prioritized = prioritized_,
-                                      .importance_exponent = 0.4});
+                                      .importance_exponent = 0.4,
+                                      .mirror = mirror_ ? 1U : 0U,
+                                      .mirror_places = static_cast<int>(mirror_ ? kCapacity : 0)});
       asked_.push_back(Clock::now());
     }
-    const auto message = peer_.Receive(std::chrono::seconds(20));
-    SLALOM_CHECK(message.has_value());
-    const auto header = proto::Decode(message->header.bytes(), message->payload.bytes());
+    if (mirror_) mirror_->Keep();
+    message_ = peer_.Receive(std::chrono::seconds(20));
+    SLALOM_CHECK(message_.has_value());
+    const auto bytes = message_->payload.bytes();
+    const auto header = proto::Decode(message_->header.bytes(), bytes);
     const auto& reply = std::get<proto::SampleReply>(*header);
-    const auto fault = ParseSample(message->payload.bytes(),
-                                   {.batch = reply.batch,
-                                    .history = reply.history,
-                                    .step = reply.num_beams,
-                                    .weighted = reply.weighted},
-                                   &rows_);
+    const SampleShape shape{.batch = reply.batch,
+                            .history = reply.history,
+                            .step = reply.num_beams,
+                            .weighted = reply.weighted};
+    const auto fault =
+        mirror_ ? ParseMirroredSample(bytes, shape, static_cast<std::size_t>(reply.num_scans),
+                                      &*mirror_, &rows_)
+                : ParseSample(bytes, shape, &rows_);
     SLALOM_CHECK(!fault.has_value());
     const auto took = Clock::now() - asked_.front();
     milliseconds_.push_back(std::chrono::duration<double, std::milli>(took).count());
@@ -238,6 +245,8 @@ class Consumer {
   std::uint64_t cursor_ = 0;
   std::deque<Clock::time_point> asked_;
   std::vector<double> milliseconds_;
+  std::optional<transport::Message> message_;  // The last one, whose scans the mirror keeps yet.
+  std::optional<ScanMirror> mirror_;
   SampledRows rows_;
 };
 
@@ -272,7 +281,7 @@ void SampleOverTcp(benchmark::State& state) {
   Service service(curve, paced != 0);
   Producer producer(service, "producer");
   Fill(&producer);
-  Consumer consumer(service, state.range(1) != 0);
+  Consumer consumer(service, state.range(1) != 0, state.range(3) != 0);
   consumer.TakeSample();
   std::int64_t chunks = 0;
   const auto begin = Clock::now();
@@ -298,24 +307,49 @@ void SampleOverTcp(benchmark::State& state) {
   state.counters["resident_MB"] = ResidentMegabytes();
 }
 BENCHMARK(SampleOverTcp)
-    ->ArgNames({"curve", "prioritized", "inserting"})
-    ->Args({0, 0, 0})
-    ->Args({0, 1, 0})
-    ->Args({0, 0, 50000})
-    ->Args({0, 0, -1})
-    ->Args({1, 0, 0})
-    ->Args({1, 0, 50000})
+    ->ArgNames({"curve", "prioritized", "inserting", "mirror"})
+    ->Args({0, 0, 0, 0})
+    ->Args({0, 0, 0, 1})
+    ->Args({0, 1, 0, 0})
+    ->Args({0, 0, 50000, 0})
+    ->Args({0, 0, 50000, 1})
+    ->Args({0, 0, -1, 0})
+    ->Args({1, 0, 0, 0})
+    ->Args({1, 0, 0, 1})
+    ->Args({1, 0, 50000, 0})
+    ->Args({1, 0, 50000, 1})
+    ->UseRealTime()
+    ->MinTime(2.0)
+    ->Unit(benchmark::kMicrosecond);
+
+/// Samples of several servers that share the rows, as one learner takes them, in turn.
+void SampleFromServers(benchmark::State& state) {
+  std::deque<Service> services;
+  std::deque<Consumer> consumers;
+  for (int i = 0; i < state.range(1); ++i) {
+    const Service& service = services.emplace_back(state.range(0) != 0, /*journal=*/false);
+    Producer producer(service, "producer");
+    Fill(&producer);
+    consumers.emplace_back(service, /*prioritized=*/false, state.range(2) != 0).TakeSample();
+  }
+  std::size_t turn = 0;
+  for (auto _ : state) consumers[turn++ % consumers.size()].TakeSample();
+  state.SetItemsProcessed(state.iterations() * kBatch);
+}
+BENCHMARK(SampleFromServers)
+    ->ArgNames({"curve", "servers", "mirror"})
+    ->ArgsProduct({{0, 1}, {1, 2}, {0, 1}})
     ->UseRealTime()
     ->MinTime(2.0)
     ->Unit(benchmark::kMicrosecond);
 
 /// Episodes that never end: nearly all rows may be drawn.
-Table FullTable(bool prioritized) {
-  Table table({.capacity = 500000}, kBeams);
+Table FullTable(bool prioritized, std::int64_t num_rows = 500000, int num_beams = kBeams) {
+  Table table({.capacity = num_rows}, num_beams);
   if (prioritized) table.UsePriorities(0.6);
-  const transport::Frame first = ChunkBytes(true), later = ChunkBytes(false);
-  for (std::int64_t i = 0; table.num_rows() < 500000; ++i) {
-    const auto rows = RowBytes::Parse((i == 0 ? first : later).bytes(), kRows, kBeams, kRows);
+  const transport::Frame first = ChunkBytes(true, num_beams), later = ChunkBytes(false, num_beams);
+  for (std::int64_t i = 0; table.num_rows() < num_rows; ++i) {
+    const auto rows = RowBytes::Parse((i == 0 ? first : later).bytes(), kRows, num_beams, kRows);
     table.InsertRows(*rows, 0);
   }
   return table;
@@ -335,6 +369,26 @@ void SampleInProcess(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * kBatch);
 }
 BENCHMARK(SampleInProcess)->ArgName("prioritized")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+
+/// Of rows without scans, as a hundred million with scans would take 149 GB.
+void SampleOfMany(benchmark::State& state) {
+  const bool prioritized = state.range(0) != 0;
+  const Table table = FullTable(prioritized, state.range(1), /*num_beams=*/0);
+  base::Random random(1);
+  SampledRows rows;
+  const SampleSpec spec{.batch = kBatch,
+                        .history = 1,
+                        .n_step = 4,
+                        .prioritized = prioritized,
+                        .importance_exponent = 0.4};
+  for (auto _ : state) SLALOM_CHECK(table.SampleRows(spec, random, &rows));
+  state.SetItemsProcessed(state.iterations() * kBatch);
+}
+BENCHMARK(SampleOfMany)
+    ->ArgNames({"prioritized", "rows"})
+    ->ArgsProduct({{0, 1}, {1000000, 10000000, 100000000}})
+    ->Iterations(5000)
+    ->Unit(benchmark::kMicrosecond);
 
 void DrawByPriority(benchmark::State& state) {
   base::Random random(1);

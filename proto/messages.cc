@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
 #include <tuple>
@@ -232,6 +233,24 @@ std::string Encode(const Header& header, std::span<const std::byte> payload) {
 }
 
 std::string FindFault(const Header& header) { return FindFault(*ToMessage(header)); }
+
+StatusReply Merge(std::vector<StatusReply> statuses) {
+  StatusReply merged;
+  std::map<std::pair<std::string, std::string>, std::size_t> places;  // Of role and name.
+  for (StatusReply& status : statuses) {
+    merged.omitted += status.omitted;
+    for (RoleStatus& role : status.roles) {
+      const auto [place, is_new] =
+          places.try_emplace({role.report.role, role.report.name}, merged.roles.size());
+      if (is_new) {
+        merged.roles.push_back(std::move(role));
+      } else if (role.age_s < merged.roles[place->second].age_s) {
+        merged.roles[place->second] = std::move(role);
+      }
+    }
+  }
+  return merged;
+}
 
 Refusal NoRoom(int max_connections) {
   return {.code = RefusalCode::kNotReady,

@@ -104,9 +104,11 @@ struct SampleRequest {
   double gamma = 0.0;
   bool prioritized = false;
   double importance_exponent = 0.0;
+  std::uint64_t mirror = 0;
+  int mirror_places = 0;
   static auto Fields(auto& m) {
     return std::tie(m.cursor, m.batch, m.history, m.n_step, m.gamma, m.prioritized,
-                    m.importance_exponent);
+                    m.importance_exponent, m.mirror, m.mirror_places);
   }
 };
 
@@ -119,9 +121,12 @@ struct SampleReply {
   std::int64_t inserted_steps = 0;
   std::int64_t table_steps = 0;
   double acting_version = 0.0;
+  double table_weight = 0.0;
+  std::uint64_t mirror = 0;
+  int num_scans = 0;
   static auto Fields(auto& m) {
     return std::tie(m.cursor, m.batch, m.history, m.num_beams, m.weighted, m.inserted_steps,
-                    m.table_steps, m.acting_version);
+                    m.table_steps, m.acting_version, m.table_weight, m.mirror, m.num_scans);
   }
 };
 
@@ -175,6 +180,10 @@ struct StatusReply {
   int omitted = 0;
   static auto Fields(auto& m) { return std::tie(m.roles, m.omitted); }
 };
+
+/// The status of a service with several replay servers. Of a process that more than one of them
+/// knows, it holds the newest report.
+StatusReply Merge(std::vector<StatusReply> statuses);
 
 struct Refusal {
   RefusalCode code = RefusalCode::kBadMessage;

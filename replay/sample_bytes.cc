@@ -108,6 +108,33 @@ std::optional<base::Failure> CheckNumbers(const SampledRows& rows) {
   return std::nullopt;
 }
 
+/// Reads the columns of a sample of `size` bytes. `layout`: of the shape.
+std::optional<base::Failure> ParseColumns(std::span<const std::byte> bytes,
+                                          const SampleShape& shape,
+                                          const std::optional<Layout>& layout, std::size_t size,
+                                          SampledRows* rows) {
+  if (!layout || bytes.size() != size) {
+    return base::Failure{fmt::format(
+        "sample: found {} bytes, expected {} for a batch of {}, {} frames of {} beams and {} "
+        "numbers each, actions of {} numbers{}",
+        bytes.size(), size, shape.batch, shape.history, shape.step.num_beams, shape.step.state_size,
+        shape.step.action_size, shape.weighted ? ", with weights" : "")};
+  }
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(std::int64_t) != 0) {
+    return base::Failure{"sample: it does not start on a multiple of 8 bytes"};
+  }
+  const std::span<const float> numbers(
+      reinterpret_cast<const float*>(bytes.data() + layout->numbers),
+      (layout->scans - layout->numbers) / sizeof(float));
+  if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
+    return base::Failure{fmt::format("sample: number {} of {} is not finite", bad, numbers.size())};
+  }
+  rows->Resize(shape.batch, shape.history, shape.step);
+  ForEachColumn(*rows, shape.weighted, ColumnReader(bytes.data()));
+  if (!shape.weighted) std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::optional<std::size_t> SampleSize(const SampleShape& shape) {
@@ -130,30 +157,75 @@ void WriteSample(const SampledRows& rows, bool weighted, std::span<std::byte> ou
 std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes, const SampleShape& shape,
                                          SampledRows* rows) {
   const std::optional<Layout> layout = LayoutOf(shape);
-  if (!layout || bytes.size() != layout->size) {
-    return base::Failure{fmt::format(
-        "sample: found {} bytes, expected {} for a batch of {}, {} frames of {} beams and {} "
-        "numbers each, actions of {} numbers{}",
-        bytes.size(), layout ? layout->size : 0, shape.batch, shape.history, shape.step.num_beams,
-        shape.step.state_size, shape.step.action_size, shape.weighted ? ", with weights" : "")};
+  if (auto failure = ParseColumns(bytes, shape, layout, layout ? layout->size : 0, rows)) {
+    return failure;
   }
-  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(std::int64_t) != 0) {
-    return base::Failure{"sample: it does not start on a multiple of 8 bytes"};
-  }
-  const std::span<const float> numbers(
-      reinterpret_cast<const float*>(bytes.data() + layout->numbers),
-      (layout->scans - layout->numbers) / sizeof(float));
-  if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
-    return base::Failure{fmt::format("sample: number {} of {} is not finite", bad, numbers.size())};
-  }
-  rows->Resize(shape.batch, shape.history, shape.step);
-  ForEachColumn(*rows, shape.weighted, ColumnReader(bytes.data()));
-  if (!shape.weighted) std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
   const auto* const scans = reinterpret_cast<const std::uint16_t*>(bytes.data() + layout->scans);
   const auto n = static_cast<std::size_t>(shape.step.num_beams);
   for (std::size_t f = 0; f < layout->frames; ++f) {
     rows->ranges_cm[f] = scans + f * n;
     rows->next_ranges_cm[f] = scans + (layout->frames + f) * n;
+  }
+  return CheckNumbers(*rows);
+}
+
+std::size_t MirroredSampleSize(const SampleShape& shape, std::size_t num_scans) {
+  const std::optional<Layout> layout = LayoutOf(shape);
+  SLALOM_CHECK(layout.has_value());
+  return layout->scans + 2 * layout->frames * sizeof(std::int32_t) +
+         num_scans * static_cast<std::size_t>(shape.step.num_beams) * sizeof(std::uint16_t);
+}
+
+void WriteMirroredSample(const SampledRows& rows, bool weighted, const MirroredScans& scans,
+                         std::span<std::byte> out) {
+  const SampleShape shape{rows.batch, rows.history, rows.shape, weighted};
+  SLALOM_CHECK_EQ(out.size(), MirroredSampleSize(shape, scans.to_send.size()));
+  const Layout layout = *LayoutOf(shape);
+  SLALOM_CHECK_EQ(scans.places.size(), 2 * layout.frames);
+  ForEachColumn(rows, weighted, ColumnWriter(out.data()));
+  ColumnWriter writer(out.data() + layout.scans);
+  writer(scans.places);
+  auto* const sent = out.data() + layout.scans + scans.places.size() * sizeof(std::int32_t);
+  GatherScans(scans.to_send, rows.shape.num_beams, reinterpret_cast<std::uint16_t*>(sent));
+}
+
+std::optional<base::Failure> ParseMirroredSample(std::span<const std::byte> bytes,
+                                                 const SampleShape& shape, std::size_t num_scans,
+                                                 ScanMirror* mirror, SampledRows* rows) {
+  const std::optional<Layout> layout = LayoutOf(shape);
+  if (layout && num_scans > 2 * layout->frames) {
+    return base::Failure{fmt::format("sample: found {} new scans, expected at most {}", num_scans,
+                                     2 * layout->frames)};
+  }
+  if (auto failure = ParseColumns(bytes, shape, layout,
+                                  layout ? MirroredSampleSize(shape, num_scans) : 0, rows)) {
+    return failure;
+  }
+  const auto* const places = reinterpret_cast<const std::int32_t*>(bytes.data() + layout->scans);
+  const auto* next = reinterpret_cast<const std::uint16_t*>(places + 2 * layout->frames);
+  std::size_t num_new = 0;
+  for (std::size_t f = 0; f < 2 * layout->frames; ++f) {
+    const bool is_new = places[f] < 0;
+    const std::int32_t place = is_new ? ~places[f] : places[f];
+    num_new += is_new ? 1 : 0;
+    if (place >= mirror->num_places() || num_new > num_scans) {
+      return base::Failure{
+          fmt::format("sample: frame {} has place {}, expected one of {}, and {} new scans", f,
+                      places[f], mirror->num_places(), num_scans)};
+    }
+    if (is_new) {
+      mirror->Add(place, next);
+      next += shape.step.num_beams;
+    }
+    const std::uint16_t* const scan = mirror->Find(place);
+    if (scan == nullptr) {
+      return base::Failure{fmt::format("sample: frame {} is of a scan that did not come", f)};
+    }
+    (f < layout->frames ? rows->ranges_cm[f] : rows->next_ranges_cm[f - layout->frames]) = scan;
+  }
+  if (num_new != num_scans) {
+    return base::Failure{
+        fmt::format("sample: found {} new scans, expected {}", num_new, num_scans)};
   }
   return CheckNumbers(*rows);
 }

@@ -385,6 +385,14 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
   return true;
 }
 
+std::int64_t Table::SequenceOf(const std::uint16_t* scan) const {
+  const auto* const scans = reinterpret_cast<const std::uint16_t*>(scans_.data());
+  const std::int64_t place = (scan - scans) / shape_.num_beams;
+  const std::int64_t newest = total_ - 1;
+  const std::int64_t round = newest / config_.capacity - (place > newest % config_.capacity);
+  return round * config_.capacity + place;
+}
+
 bool Table::Sample(const SampleSpec& spec, base::Random& random, Batch* batch) const {
   if (!SampleRows(spec, random, &batch->rows)) return false;
   const std::size_t scans = batch->rows.ranges_cm.size();

@@ -85,6 +85,8 @@ class Table {
   [[nodiscard]] std::optional<base::Failure> RestorePriorities(std::string_view bytes,
                                                                double alpha);
   bool has_priorities() const { return priorities_.has_value(); }
+  /// The sum of the weights of all steps. Requires: has_priorities().
+  double total_weight() const { return priorities_->total(); }
   /// Sets the priorities of steps by row number. Skips rows that are no longer held, and final
   /// rows. Returns how many were set. Requires: has_priorities(); both spans have the same size.
   std::int64_t SetPriorities(std::span<const std::int64_t> sequences,
@@ -104,6 +106,9 @@ class Table {
 
   /// Number of steps that may be drawn. Cost: a walk over the table.
   std::int64_t CountEligible(int history, int n_step) const;
+
+  /// Returns the number of the row whose scan this is. Requires: a row that is held has it.
+  std::int64_t SequenceOf(const std::uint16_t* scan) const;
 
   /// Returns a row, valid until the next `Insert`. Requires: first_sequence() <= sequence <
   /// total_inserted().

@@ -209,7 +209,7 @@ part_soak() {
   local drill failed=0
   configure release SLALOM_TESTS=ON
   build_targets release all
-  for drill in "kill 30" "stop 5" "restart 10" "hostile 30" "network 10" "disk" "oom" "crowd 64 30" "backup 5" "random 100" "soak 900"; do
+  for drill in "kill 30" "stop 5" "restart 10" "hostile 30" "network 10" "disk" "shards 20" "oom" "crowd 64 30" "backup 5" "random 100" "soak 900"; do
     say "soak: $drill"
     # shellcheck disable=SC2086 # The arguments of a drill are words.
     set -- $drill

@@ -52,6 +52,7 @@ struct Options {
   std::string config;
   std::vector<std::string> overrides;
   int actors = 1;
+  int replay_servers = 1;
   bool evaluator = false;
 };
 
@@ -110,6 +111,9 @@ int Attend(train::LocalService& service, const StopSignals& signals) {
 std::string StartCommand(const Options& options) {
   std::vector<std::string> arguments = {"service", options.config, "--actors",
                                         std::to_string(options.actors)};
+  if (options.replay_servers > 1) {
+    arguments.insert(arguments.end(), {"--replay-servers", std::to_string(options.replay_servers)});
+  }
   if (options.evaluator) arguments.emplace_back("--evaluator");
   for (const std::string& assignment : options.overrides) {
     arguments.insert(arguments.end(), {"--set", assignment});
@@ -134,10 +138,13 @@ int Run(const Options& options) {
     train::LocalService service({.program = fmt::format("/proc/{}/exe", ::getpid()),
                                  .config = config,
                                  .num_actors = options.actors,
+                                 .num_replay_servers = options.replay_servers,
                                  .evaluator = options.evaluator,
                                  .directory = state,
                                  .run = directory.root});
-    spdlog::info("replay server, learner, {} actor{}{}: their logs are {}/*.log", options.actors,
+    spdlog::info("{}replay server{}, learner, {} actor{}{}: their logs are {}/*.log",
+                 options.replay_servers == 1 ? "" : fmt::format("{} ", options.replay_servers),
+                 options.replay_servers == 1 ? "" : "s", options.actors,
                  options.actors == 1 ? "" : "s", options.evaluator ? ", evaluator" : "",
                  (state / "logs").string());
     spdlog::info("from another terminal: {}",
@@ -178,9 +185,13 @@ void AddLocalServiceCommand(CLI::App& app, int* exit_code) {
   options->actors = std::max(1, base::NumProcessors() - 1);
   command->add_option("CONFIG", options->config, "TOML file, such as configs/cluster.toml")
       ->required();
-  command
-      ->add_option("--actors", options->actors, "Actors beside the replay server and the learner")
+  command->add_option("--actors", options->actors, "Actors beside replay server and learner")
       ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command
+      ->add_option("--replay-servers", options->replay_servers,
+                   "Replay servers, which share the rows and the work")
+      ->check(CLI::Range(1, 16))
       ->capture_default_str();
   command->add_flag("--evaluator", options->evaluator,
                     "Score the learner's policies meanwhile, on evaluator_service.courses");

@@ -23,6 +23,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/parallel.h"
+#include "base/random.h"
 #include "base/version.h"
 #include "eval/service/evaluator_service.h"
 #include "learner/service/learner_service.h"
@@ -63,31 +64,44 @@ void WriteEndpoint(const train::ServiceProcess& process, const std::string& role
   base::WriteFileAtomically(process.state() / (role + ".endpoint"), endpoint + "\n");
 }
 
+/// The share of one replay server in what all of them have together, rounded up.
+std::int64_t ShareOf(const train::RunConfig& config, std::int64_t all) {
+  const auto num_servers = static_cast<std::int64_t>(config.service.replay.size());
+  return (all + num_servers - 1) / num_servers;
+}
+
 int RunReplay(const train::ServiceOptions& options) {
   StopSignals signals;
   train::ServiceProcess process(transport::Role::kReplay, options);
   const train::RunConfig& config = process.config();
   replay::ReplayServerConfig server_config = config.replay_server;
-  if (server_config.directory.empty()) server_config.directory = process.state() / "replay";
+  const int shard = process.shard();
+  const std::string place = shard == 0 ? "replay" : fmt::format("replay-{}", shard);
+  if (server_config.directory.empty()) server_config.directory = process.state() / place;
+  server_config.max_ahead_steps = ShareOf(config, server_config.max_ahead_steps);
   replay::ReplayServerSpec spec;
-  spec.endpoint = train::BindAddress(config.service.replay_bind, config.service.replay);
+  spec.name = process.name();
+  spec.endpoint =
+      train::BindAddress(config.service.replay_bind, config.service.replay[std::size_t(shard)]);
   spec.security =
       transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
   spec.max_connections = config.service.max_connections;
   spec.table = config.replay;
+  spec.table.capacity = ShareOf(config, config.replay.capacity);
   spec.shape = train::StepShapeOf(config);
   spec.spec_hash = process.spec_hash();
   spec.run = train::ServiceIdentity(config);
   spec.seed = static_cast<std::uint64_t>(config.run.seed);
+  if (shard > 0) spec.seed = base::DeriveSeed(spec.seed, "replay", {std::uint64_t(shard)});
   spec.updates_per_step = config.run.updates_per_step;
   spec.batches_per_update = train::BatchesPerUpdate(config);
   spec.chunk_bytes = train::LargestChunkBytes(config);
-  spec.learning_starts = config.run.learning_starts;
+  spec.learning_starts = ShareOf(config, config.run.learning_starts);
   spec.software = fmt::format("slalom {}", base::Version());
   RequireRunOf(server_config.directory, config);
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());
   spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
-  WriteEndpoint(process, "replay", server.endpoint());
+  WriteEndpoint(process, place, server.endpoint());
   server.Run(signals.token());
   return base::kExitOk;
 }
@@ -117,7 +131,8 @@ int RunLearner(const train::ServiceOptions& options) {
                   /*has_goals=*/!config.task.is_own()};
   job.spec_hash = process.spec_hash();
   job.run = train::ServiceIdentity(config);
-  job.replay = process.replay();
+  job.replay = process.replays();
+  job.table_rows = ShareOf(config, config.replay.capacity);
   job.policies.endpoint = train::BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.max_connections = config.service.max_connections;
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -7,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "app/cli/commands.h"
@@ -25,6 +28,12 @@ namespace slalom::cli {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
+namespace {
+
+constexpr milliseconds kLook{50};
+
+}  // namespace
+
 proto::StatusReply AskStatus(const train::RunConfig& config, milliseconds patience) {
   transport::Context context;
   proto::Hello hello;
@@ -32,27 +41,48 @@ proto::StatusReply AskStatus(const train::RunConfig& config, milliseconds patien
   hello.name = config.service.name.empty() ? "status" : config.service.name;
   hello.spec_hash = train::SpecHash(config);
   hello.num_beams = config.environment.lidar.num_beams;
-  const std::string& endpoint = config.service.replay;
-  service::ReplayLink link(
-      context,
-      {.endpoint = endpoint,
-       .security = transport::MakeClientSecurity(config.security, transport::Role::kOperator,
-                                                 transport::Role::kReplay, endpoint)},
-      hello);
-  const auto give_up = steady_clock::now() + patience;
-  bool asked = false;
-  while (steady_clock::now() < give_up) {
-    auto received = link.Receive(milliseconds(50));
-    if (link.welcomed() && !asked) asked = link.Send(proto::StatusRequest{});
-    if (!received) continue;
-    if (auto* status = std::get_if<proto::StatusReply>(&received->header)) return *status;
+  std::vector<std::unique_ptr<service::ReplayLink>> links;
+  for (const std::string& endpoint : config.service.replay) {
+    links.push_back(std::make_unique<service::ReplayLink>(
+        context,
+        transport::ClientOptions{
+            .endpoint = endpoint,
+            .security = transport::MakeClientSecurity(config.security, transport::Role::kOperator,
+                                                      transport::Role::kReplay, endpoint)},
+        hello));
   }
-  const std::string trouble = link.trouble();
-  throw base::Error(
-      "no replay server answers at {}{}{}; actors and the learner wait for it and say so in their "
-      "logs, and `slalom watch {}` shows the learner's curves meanwhile",
-      endpoint, trouble.empty() ? "" : ": ", trouble,
-      (std::filesystem::path(config.service.state) / "learner").string());
+  std::vector<proto::StatusReply> answers;
+  const auto give_up = steady_clock::now() + patience;
+  for (std::vector<bool> asked(links.size()); steady_clock::now() < give_up;) {
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      if (links[i] == nullptr) continue;
+      auto received = links[i]->Receive(kLook / static_cast<int>(links.size()));
+      if (links[i]->welcomed() && !asked[i]) asked[i] = links[i]->Send(proto::StatusRequest{});
+      if (!received) continue;
+      auto* const status = std::get_if<proto::StatusReply>(&received->header);
+      if (status == nullptr) continue;
+      answers.push_back(std::move(*status));
+      links[i].reset();
+    }
+    if (answers.size() == links.size()) return proto::Merge(std::move(answers));
+  }
+  if (answers.empty()) {
+    const std::string trouble = links.front()->trouble();
+    throw base::Error(
+        "no replay server answers at {}{}{}; actors and the learner wait for it and say so in "
+        "their logs, and `slalom watch {}` shows the learner's curves meanwhile",
+        fmt::join(config.service.replay, ", "), trouble.empty() ? "" : ": ", trouble,
+        (std::filesystem::path(config.service.state) / "learner").string());
+  }
+  proto::StatusReply merged = proto::Merge(std::move(answers));
+  for (const auto& link : links) {
+    if (link == nullptr) continue;
+    proto::RoleStatus silent{.report = {}, .age_s = 1e-3 * static_cast<double>(patience.count())};
+    silent.report.role = "replay";
+    silent.report.name = link->endpoint();
+    merged.roles.push_back(std::move(silent));
+  }
+  return merged;
 }
 
 namespace {

@@ -1,5 +1,7 @@
 #include "app/train/drive_actor.h"
 
+#include <fmt/format.h>
+
 #include <optional>
 #include <utility>
 
@@ -24,7 +26,11 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
   };
   actor::ActorIdentity identity;
   identity.name = process.name();
+  // Steps are accounted for with each replay server by itself.
   identity.state_directory = process.state() / "actors" / process.name();
+  if (process.shard() > 0) {
+    identity.state_directory /= fmt::format("replay-{}", process.shard());
+  }
   identity.seed = static_cast<std::uint64_t>(config.run.seed);
   identity.spec_hash = process.spec_hash();
   identity.run = run;

@@ -48,7 +48,11 @@ RunConfig ConfigOfService(const LocalServiceOptions& options) {
   const std::string address =
       fmt::format("ipc://@slalom-{}",
                   Digest(transport::LoadPublicKey(config.security.keys, transport::Role::kReplay)));
-  config.service = {.replay = address + "-replay",
+  std::vector<std::string> replay = {address + "-replay"};
+  for (int i = 1; i < options.num_replay_servers; ++i) {
+    replay.push_back(fmt::format("{}-replay-{}", address, i));
+  }
+  config.service = {.replay = std::move(replay),
                     .learner = address + "-learner",
                     .metrics = config.service.metrics,
                     .state = root.string(),
@@ -74,6 +78,7 @@ LocalService::LocalService(const LocalServiceOptions& options)
   base::WriteFileAtomically(config_file_, config::ToToml(service_config_));
   Add("learner", "learner");
   Add("replay", "replay");
+  for (int i = 1; i < options.num_replay_servers; ++i) Add("replay", fmt::format("replay-{}", i));
   for (int i = 1; i <= options.num_actors; ++i) Add("actor", fmt::format("actor-{}", i));
   if (options.evaluator) Add("evaluator", "evaluator");
   for (Member& member : members_) Start(member);

@@ -17,6 +17,7 @@ struct LocalServiceOptions {
   std::filesystem::path program;  ///< `slalom` itself.
   RunConfig config;               ///< Config of the training. Its addresses and keys do not count.
   int num_actors = 1;
+  int num_replay_servers = 1;
   bool evaluator = false;           ///< Whether one scores the learner's policies meanwhile.
   std::filesystem::path directory;  ///< For config, keys, journal and the actors' files.
   std::filesystem::path run;        ///< The run's directory.
@@ -26,7 +27,7 @@ struct LocalServiceOptions {
   std::vector<std::string> environment{};
 };
 
-/// A service on this machine: a replay server, a learner, actors and an evaluator, as child
+/// A service on this machine: replay servers, a learner, actors and an evaluator, as child
 /// processes that end with this one. They meet at addresses of this machine that are new at each
 /// start, and so are their keys: no other process can take part.
 ///

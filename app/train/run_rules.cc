@@ -4,6 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <string>
+#include <vector>
 
 #include "app/train/run_limits.h"
 #include "base/config.h"
@@ -14,6 +16,8 @@
 
 namespace slalom::train {
 namespace {
+
+constexpr std::size_t kMaxReplayServers = 64;
 
 /// Throws unless `is_met`, because `key` would need a robot on courses.
 void RequireForOwn(bool is_met, std::string_view key, std::string_view expected) {
@@ -97,6 +101,19 @@ void RequireServable(const RunConfig& config) {
       "learner.algorithm is \"{}\", expected one that learns from rewards: the service's actors "
       "have no teachers; `slalom train` has",
       config.method.learner.algorithm);
+  const std::vector<std::string>& servers = config.service.replay;
+  base::ThrowIf(servers.empty() || servers.size() > kMaxReplayServers,
+                "service.replay lists {} addresses, expected 1 to {}", servers.size(),
+                kMaxReplayServers);
+  for (auto it = servers.begin(); it != servers.end(); ++it) {
+    base::ThrowIf(std::find(servers.begin(), it, *it) != it,
+                  "service.replay lists {} twice, expected each replay server once", *it);
+  }
+  const auto num_servers = static_cast<std::int64_t>(servers.size());
+  base::ThrowIf(config.replay.capacity / num_servers < WindowFrames(config),
+                "replay.capacity is {}, expected at least {}: each of {} replay servers holds its "
+                "share, which must hold the windows of an update",
+                config.replay.capacity, num_servers * WindowFrames(config), num_servers);
   const int rows = LargestChunkRows(config);
   const std::int64_t bytes = LargestChunkBytes(config);
   base::ThrowIf(

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "base/config_field.h"
 
@@ -9,7 +10,7 @@ namespace slalom::train {
 /// Addresses of the distributed service's processes, and the directories of their state.
 struct ServiceConfig {
   std::string name;
-  std::string replay = "tcp://127.0.0.1:5550";
+  std::vector<std::string> replay = {"tcp://127.0.0.1:5550"};
   std::string replay_bind;
   std::string learner = "tcp://127.0.0.1:5551";
   std::string learner_bind;
@@ -24,9 +25,13 @@ struct ServiceConfig {
     v("name", name,
       "Name of this process among those of its role, the same after a restart. Empty: the "
       "machine's name for an actor or evaluator, else the role.");
-    v("replay", replay, "Where the replay server is reached.");
+    v("replay", replay,
+      "Where the replay server is reached. A list: where each of several is, which share rows and "
+      "work. An actor, and a server itself, has the place in the list, counted from 0, with which "
+      "its name ends.");
     v("replay_bind", replay_bind,
-      "Where the replay server listens, such as tcp://*:5550. Empty: at service.replay.");
+      "Where the replay server listens, such as tcp://*:5550. Empty: at its place in "
+      "service.replay.");
     v("learner", learner, "Where the learner's policies are fetched.");
     v("learner_bind", learner_bind, "Where the learner listens. Empty: at service.learner.");
     v("metrics", metrics,

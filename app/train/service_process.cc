@@ -1,5 +1,6 @@
 #include "app/train/service_process.h"
 
+#include <cstdint>
 #include <cstdlib>
 #include <utility>
 
@@ -49,6 +50,20 @@ double CountEarlierStarts(const std::filesystem::path& state, std::string_view r
   }
 }
 
+/// The number with which a name ends, of its last 18 digits at most; nothing if it ends with none.
+std::optional<std::uint64_t> NumberAtEnd(std::string_view name) {
+  std::uint64_t number = 0;
+  std::uint64_t place = 1;
+  int digits = 0;
+  while (digits < 18 && !name.empty() && name.back() >= '0' && name.back() <= '9') {
+    number += place * static_cast<std::uint64_t>(name.back() - '0');
+    place *= 10;
+    ++digits;
+    name.remove_suffix(1);
+  }
+  return digits == 0 ? std::nullopt : std::optional(number);
+}
+
 ResolvedRun LoadConfig(const ServiceOptions& options) {
   return Resolve(config::Load<RunConfig>(options.config, options.overrides), {.serves = true});
 }
@@ -59,6 +74,9 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
     : role_(role),
       config_(LoadConfig(options)),
       name_(ChooseName(role, config_.service, options)),
+      shard_(role == transport::Role::kReplay
+                 ? ServerShard(name_, static_cast<int>(config_.service.replay.size()))
+                 : ShardOf(name_, static_cast<int>(config_.service.replay.size()))),
       context_(config_.service.io_threads),
       registry_(std::make_unique<metrics::Registry>(
           MakeIdentity(std::string(transport::ToString(role)), name_, config_.run.name))) {
@@ -73,10 +91,17 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
 }
 
 transport::ClientOptions ServiceProcess::replay() const {
-  const std::string& endpoint = config_.service.replay;
-  return {.endpoint = endpoint,
-          .security = transport::MakeClientSecurity(config_.security, role_,
-                                                    transport::Role::kReplay, endpoint)};
+  return replays()[static_cast<std::size_t>(shard_)];
+}
+
+std::vector<transport::ClientOptions> ServiceProcess::replays() const {
+  std::vector<transport::ClientOptions> options;
+  for (const std::string& endpoint : config_.service.replay) {
+    options.push_back({.endpoint = endpoint,
+                       .security = transport::MakeClientSecurity(
+                           config_.security, role_, transport::Role::kReplay, endpoint)});
+  }
+  return options;
 }
 
 transport::ClientOptions ServiceProcess::learner() const {
@@ -84,6 +109,21 @@ transport::ClientOptions ServiceProcess::learner() const {
   return {.endpoint = endpoint,
           .security = transport::MakeClientSecurity(config_.security, role_,
                                                     transport::Role::kLearner, endpoint)};
+}
+
+int ShardOf(std::string_view name, int num_shards) {
+  const auto count = static_cast<std::uint64_t>(num_shards);
+  const auto number = NumberAtEnd(name);
+  return static_cast<int>(number.value_or(base::Checksum(name)) % count);
+}
+
+int ServerShard(const std::string& name, int num_shards) {
+  const std::uint64_t number = NumberAtEnd(name).value_or(0);
+  base::ThrowIf(num_shards > 1 && number >= static_cast<std::uint64_t>(num_shards),
+                "the replay server is named '{}', expected a name that ends with its place among "
+                "the {} of service.replay, counted from 0",
+                name, num_shards);
+  return num_shards == 1 ? 0 : static_cast<int>(number);
 }
 
 metrics::Identity MakeIdentity(std::string role, std::string name, std::string run) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "app/train/resolved_run.h"
@@ -36,19 +37,34 @@ class ServiceProcess {
   transport::Context& context() { return context_; }
   metrics::Registry& registry() { return *registry_; }
 
-  /// Options for connecting to the servers with this role's keys.
+  /// The place in `service.replay` of the server that this process is, or sends to (`ShardOf`).
+  int shard() const { return shard_; }
+
+  /// Options for connecting to the servers with this role's keys: to its own replay server, to all
+  /// in the order of `service.replay`, and to the learner.
   transport::ClientOptions replay() const;
+  std::vector<transport::ClientOptions> replays() const;
   transport::ClientOptions learner() const;
 
  private:
   const transport::Role role_;
   const ResolvedRun config_;
   const std::string name_;
+  const int shard_;
   transport::Context context_;
   std::unique_ptr<metrics::Registry> registry_;
   std::unique_ptr<metrics::Exposer> exposer_;
   std::unique_ptr<metrics::Exposer> health_;
 };
+
+/// Returns the place, of `num_shards` in `service.replay`, of the replay server that a process of
+/// this name sends to: the number with which the name ends, modulo `num_shards`, so that actors
+/// counted from 0 or 1 are shared evenly, or else one that follows from the name's checksum.
+int ShardOf(std::string_view name, int num_shards);
+
+/// Returns the place in `service.replay` of the replay server of this name: the number with which
+/// the name ends, or 0 if it ends with none. Throws `base::Error` if there is no such place.
+int ServerShard(const std::string& name, int num_shards);
 
 /// Returns the identity of this program in this role, for its metrics. `run`: `run.name`.
 metrics::Identity MakeIdentity(std::string role, std::string name, std::string run);

@@ -1,11 +1,14 @@
 #include "learner/service/learner_service.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <utility>
 
 #include "base/log.h"
 #include "base/progress.h"
 #include "base/random.h"
+#include "replay/scan_mirror.h"
 
 namespace slalom::learner {
 namespace {
@@ -22,6 +25,19 @@ proto::Hello MakeHello(const LearnerJob& job, const policy::PolicySpec& spec) {
   hello.num_beams = spec.observation.num_beams;
   hello.run = job.run;
   return hello;
+}
+
+/// Places of the mirror of one replay server, of which the job has several.
+std::int64_t MirrorPlaces(const LearnerServiceConfig& config, const LearnerJob& job,
+                          const env::StepShape& shape) {
+  if (shape.num_beams == 0) return 0;
+  const auto scan_bytes = static_cast<std::int64_t>(sizeof(std::uint16_t)) * shape.num_beams;
+  const auto num_servers = static_cast<std::int64_t>(job.replay.size());
+  const std::int64_t places = std::min(
+      {config.mirror_bytes / num_servers / scan_bytes, job.table_rows, replay::kMaxMirrorPlaces});
+  spdlog::info("keeps up to {} of the scans that come, in {} MiB", num_servers * places,
+               (num_servers * places * scan_bytes) >> 20);
+  return places;
 }
 
 LoopPlan MakePlan(LoopPlan plan, const LearnerServiceConfig& config) {
@@ -47,7 +63,7 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
                job.first),
       policies_(context, job.policies, job.spec_hash, job.run, registry),
       source_(context, job.replay, MakeHello(job, spec), spec.step_shape(), learner_.sample_specs(),
-              config.prefetch, policies_, registry),
+              config.prefetch, MirrorPlaces(config, job, spec.step_shape()), policies_, registry),
       loop_(MakePlan(std::move(job.loop), config), learner_, source_, policies_, registry,
             std::move(clock)) {
   loop_.Restore();

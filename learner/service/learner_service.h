@@ -4,6 +4,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "learner/learner.h"
 #include "learner/loop/learner_loop.h"
@@ -24,7 +25,8 @@ struct LearnerJob {
   LoopPlan loop;  ///< `LearnerServiceConfig` overrides some fields.
   std::uint64_t spec_hash = 0;
   proto::RunIdentity run;
-  transport::ClientOptions replay;
+  std::vector<transport::ClientOptions> replay;  ///< As for `RemoteSource`.
+  std::int64_t table_rows = 0;  ///< Of each replay server: its mirror has as many places at most.
   transport::ServerOptions policies;
   std::optional<policy::PolicySnapshot> first{};  ///< The actor to start from (`learner.from`).
 };

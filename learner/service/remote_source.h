@@ -12,6 +12,7 @@
 #include "learner/loop/batch_source.h"
 #include "learner/service/actor_figures.h"
 #include "learner/service/policy_server.h"
+#include "learner/service/shard_turns.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
 #include "proto/replay_link.h"
@@ -19,6 +20,7 @@
 #include "proto/transport/context.h"
 #include "proto/transport/frame.h"
 #include "replay/batch.h"
+#include "replay/scan_mirror.h"
 
 namespace slalom::learner {
 
@@ -36,10 +38,12 @@ struct RemoteBatches {
 class BatchStream {
  public:
   /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: number of updates whose
-  /// batches are requested ahead.
+  /// batches are requested ahead. `mirror_places`: scans that are kept, so that the server sends
+  /// each once; at most as many as its table has rows. 0: scans come with each batch.
   BatchStream(transport::Context& context, const transport::ClientOptions& replay,
               proto::Hello hello, const env::StepShape& shape,
-              std::vector<replay::SampleSpec> specs, int prefetch, std::uint64_t cursor);
+              std::vector<replay::SampleSpec> specs, int prefetch, std::uint64_t cursor,
+              std::int64_t mirror_places = 0);
 
   /// Returns the next batch of each kind, valid until the next call, or null if they have not come
   /// within `timeout`. Throws `base::Error` if the server refuses this learner for good or sends a
@@ -71,9 +75,9 @@ class BatchStream {
  private:
   void Request();
   /// Sends a request. Returns false if it cannot be sent now.
-  [[nodiscard]] bool Ask(const replay::SampleSpec& spec);
+  [[nodiscard]] bool Ask(const replay::SampleSpec& spec, bool is_mirrored);
   void Parse(const proto::SampleReply& reply, const replay::SampleSpec& spec,
-             const transport::Frame& payload, replay::SampledRows* rows) const;
+             const transport::Frame& payload, replay::SampledRows* rows);
   bool Take(service::ReplayLink::Received received);
 
   service::ReplayLink link_;
@@ -82,7 +86,8 @@ class BatchStream {
   const int prefetch_;
   std::uint64_t cursor_;     // The next batch to be returned.
   std::uint64_t requested_;  // The next batch to be requested.
-  int num_welcomes_ = 0;     // Welcomes of the link at the last request.
+  int num_welcomes_ = 0;     // Welcomes of the link at the last request; the mirror's number.
+  std::optional<replay::ScanMirror> mirror_;  // Of what came since then.
   RemoteBatches batches_;
   int num_here_ = 0;  // Number of batches from `cursor_` on that have come.
   std::optional<replay::SampleSpec> window_spec_;  // The spec of the last request.
@@ -111,13 +116,21 @@ class StreamMetrics {
   double waiting_s_ = 0.0;  ///< Since the last batch.
 };
 
-/// A source of batches from a replay server, to which it also sends the learner's reports.
+/// A source of batches from one replay server or several, the shards of a table, to which it also
+/// sends the learner's reports.
+///
+/// The batches of an update come from one shard. Each shard grants as many as its own steps have
+/// earned. Among the shards that have granted one, turns are in proportion to the steps that they
+/// hold, or, if draws are prioritized, to the sums of their weights. So a row of any shard is as
+/// likely to be drawn, while each is ahead. The others take the turns of a shard that is down.
 class RemoteSource final : public BatchSource {
  public:
-  /// Connects at `Start`. Keeps references to `context`, `policies` and `registry`, which must
-  /// outlive it. `prefetch`: as for `BatchStream`.
-  RemoteSource(transport::Context& context, transport::ClientOptions replay, proto::Hello hello,
-               const env::StepShape& shape, std::vector<replay::SampleSpec> specs, int prefetch,
+  /// Connects at `Start` to each of `replay`. Keeps references to `context`, `policies` and
+  /// `registry`, which must outlive it. `prefetch`, `mirror_places`: as for each `BatchStream`.
+  /// Requires: `replay` is not empty.
+  RemoteSource(transport::Context& context, std::vector<transport::ClientOptions> replay,
+               proto::Hello hello, const env::StepShape& shape,
+               std::vector<replay::SampleSpec> specs, int prefetch, std::int64_t mirror_places,
                const PolicyServer& policies, metrics::Registry& registry);
 
   void Start() override;
@@ -126,7 +139,7 @@ class RemoteSource final : public BatchSource {
   bool IsWaiting() const override { return waiting_; }
   bool IsAtRest() const override { return true; }
   std::int64_t num_drawn() const override;
-  std::int64_t steps() const override { return steps_; }
+  std::int64_t steps() const override;
   EndedEpisodes TakeEndedEpisodes() override;
   void SetPriorities(std::span<const std::int64_t> sequence,
                      std::span<const float> priority) override;
@@ -137,28 +150,41 @@ class RemoteSource final : public BatchSource {
   void Restore(const std::filesystem::path& checkpoint, const nlohmann::json& state) override;
   void KeepOnly(const std::vector<std::filesystem::path>&) override {}
 
-  /// Keeps the connection alive when no more batches are wanted. Requires: `Start` was called.
+  /// Keeps the connections alive when no more batches are wanted. Requires: `Start` was called.
   void Idle();
 
  private:
+  struct Shard {
+    transport::ClientOptions replay;
+    std::uint64_t cursor = 0;               // Restored.
+    std::unique_ptr<BatchStream> stream{};  // Made with the cursor of the checkpoint.
+    std::int64_t steps = 0;                 // As the last batch said, like the two below.
+    std::int64_t table_steps = 0;
+    bool is_away = false;  // As was said last.
+  };
+
+  const RemoteBatches* TakeTurn();
+  proto::StatusReply Status() const;
+  std::vector<bool> AreWelcomed() const;
+  void SayWhoIsAway();
   void Say(const std::string& what);
 
   transport::Context& context_;
-  const transport::ClientOptions replay_;
   const proto::Hello hello_;
   const env::StepShape shape_;
   const std::vector<replay::SampleSpec> specs_;
   const int prefetch_;
+  const std::int64_t mirror_places_;
   const PolicyServer& policies_;
   StreamMetrics metrics_;
   FinishedEpisodes finished_episodes_;
-  std::unique_ptr<BatchStream> stream_;  // Made with the cursor of the checkpoint.
+  std::vector<Shard> shards_;  // In the order of service.replay.
+  ShardTurns turns_;
+  std::vector<transport::Client*> clients_;  // Of the shards.
+  Shard* last_ = nullptr;                    // That gave the last batch.
 
-  std::uint64_t cursor_ = 0;  // Restored.
   bool waiting_ = true;
   double waited_s_ = 0.0;  // Since the last report.
-  std::int64_t steps_ = 0;
-  std::int64_t table_steps_ = 0;
   double acting_version_ = 0.0;
   EndedEpisodes ended_;
   std::string said_;

@@ -185,7 +185,7 @@ std::string Client::trouble() {
   return trouble_;
 }
 
-void Client::WaitForAny(std::initializer_list<Client*> clients, milliseconds timeout) {
+void Client::WaitForAny(std::span<Client* const> clients, milliseconds timeout) {
   std::vector<zmq::pollitem_t> items;
   for (Client* client : clients) {
     client->Update();

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <zmq.hpp>
 
@@ -64,7 +65,11 @@ class Client {
 
   /// Waits until any of several clients of one thread has something to receive, until `timeout`, or
   /// until a signal arrives.
-  static void WaitForAny(std::initializer_list<Client*> clients, std::chrono::milliseconds timeout);
+  static void WaitForAny(std::span<Client* const> clients, std::chrono::milliseconds timeout);
+  static void WaitForAny(std::initializer_list<Client*> clients,
+                         std::chrono::milliseconds timeout) {
+    WaitForAny(std::span(clients.begin(), clients.size()), timeout);
+  }
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -64,7 +64,8 @@ struct ReplayServerConfig {
 
 /// The parts of the run's config that a replay server needs.
 struct ReplayServerSpec {
-  std::string endpoint;  ///< As `transport::ServerOptions`.
+  std::string name = "replay";  ///< In its reports.
+  std::string endpoint;         ///< As `transport::ServerOptions`.
   transport::ServerSecurity security = {};
   int max_connections = 4096;  ///< As `transport::ServerOptions`.
   ReplayConfig table = {};

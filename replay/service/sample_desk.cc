@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "base/check.h"
@@ -132,18 +133,7 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
       return Step::kHeld;
     }
     const auto begin = std::chrono::steady_clock::now();
-    const SampleShape shape = ShapeOf(request, table_->shape());
-    transport::Frame payload(*SampleSize(shape));
-    WriteSample(rows_, shape.weighted, payload.mutable_bytes());
-    line->ready = MakeMessage(proto::SampleReply{.cursor = request.cursor,
-                                                 .batch = shape.batch,
-                                                 .history = shape.history,
-                                                 .num_beams = shape.step.num_beams,
-                                                 .weighted = shape.weighted,
-                                                 .inserted_steps = limiter_->steps(),
-                                                 .table_steps = table_->num_steps(),
-                                                 .acting_version = acting_version},
-                              std::move(payload));
+    line->ready = Reply(request, line, acting_version);
     if (sample_seconds_.size() < kMaxSampleSeconds) {
       const auto took = std::chrono::steady_clock::now() - begin;
       sample_seconds_.push_back(std::chrono::duration<double>(took).count());
@@ -163,6 +153,58 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
   line->ready.reset();
   line->requests.pop_front();
   return Step::kSent;
+}
+
+MirroredRows* SampleDesk::MirrorOf(const proto::SampleRequest& request, Line* line) {
+  const int num_beams = table_->shape().num_beams;
+  const int places = request.mirror_places;
+  if (request.mirror == 0 || num_beams == 0 || places < 1 || places > table_->config().capacity) {
+    return nullptr;
+  }
+  if (line->mirror == request.mirror) {
+    return line->mirrored && line->mirror_places == places ? &*line->mirrored : nullptr;
+  }
+  const auto others = std::ranges::count_if(lines_, [line](const auto& entry) {
+    return &entry.second != line && entry.second.mirrored.has_value();
+  });
+  line->mirrored.reset();
+  line->mirror = request.mirror;
+  line->mirror_places = places;
+  if (others < kMaxMirrors) line->mirrored.emplace(places);
+  return line->mirrored ? &*line->mirrored : nullptr;
+}
+
+transport::Message SampleDesk::Reply(const proto::SampleRequest& request, Line* line,
+                                     double acting_version) {
+  const SampleShape shape = ShapeOf(request, table_->shape());
+  proto::SampleReply reply{.cursor = request.cursor,
+                           .batch = shape.batch,
+                           .history = shape.history,
+                           .num_beams = shape.step.num_beams,
+                           .weighted = shape.weighted,
+                           .inserted_steps = limiter_->steps(),
+                           .table_steps = table_->num_steps(),
+                           .acting_version = acting_version,
+                           .table_weight = shape.weighted ? table_->total_weight() : 0.0};
+  MirroredRows* const mirror = MirrorOf(request, line);
+  if (mirror == nullptr) {
+    transport::Frame payload(*SampleSize(shape));
+    WriteSample(rows_, shape.weighted, payload.mutable_bytes());
+    return MakeMessage(reply, std::move(payload));
+  }
+  scans_.places.clear();
+  scans_.to_send.clear();
+  for (const auto* const scans : {&rows_.ranges_cm, &rows_.next_ranges_cm}) {
+    for (const std::uint16_t* const scan : *scans) {
+      scans_.places.push_back(mirror->Take(table_->SequenceOf(scan)));
+      if (scans_.places.back() < 0) scans_.to_send.push_back(scan);
+    }
+  }
+  reply.mirror = request.mirror;
+  reply.num_scans = static_cast<int>(scans_.to_send.size());
+  transport::Frame payload(MirroredSampleSize(shape, scans_.to_send.size()));
+  WriteMirroredSample(rows_, shape.weighted, scans_, payload.mutable_bytes());
+  return MakeMessage(reply, std::move(payload));
 }
 
 bool SampleDesk::Draw(const proto::SampleRequest& request) {

@@ -12,6 +12,8 @@
 #include "proto/messages.h"
 #include "replay/batch.h"
 #include "replay/rate_limiter.h"
+#include "replay/sample_bytes.h"
+#include "replay/scan_mirror.h"
 #include "replay/service/reply_sender.h"
 #include "replay/table.h"
 
@@ -22,7 +24,8 @@ namespace slalom::replay {
 ///
 /// The batch of cursor k is drawn with `Random(DeriveSeed(seed, "sample", {k}))`. A peer's requests
 /// are answered in their order. Confined to the server's thread. Memory per peer: `kMaxRequests`
-/// requests and one sample, in addition to its connection's queue.
+/// requests and one sample, in addition to its connection's queue, and 4 bytes for each row of the
+/// table for each of the `kMaxMirrors` learners that have a mirror.
 class SampleDesk {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -30,6 +33,8 @@ class SampleDesk {
   /// The most unanswered requests of a peer: the largest `learner_service.prefetch`, 256 updates,
   /// with up to four batches each, and one sample to measure a transition model.
   static constexpr std::size_t kMaxRequests = 1025;
+
+  static constexpr int kMaxMirrors = 8;
 
   struct Options {
     std::uint64_t seed = 1;
@@ -81,6 +86,9 @@ class SampleDesk {
     std::deque<proto::SampleRequest> requests;
     std::optional<transport::Message> ready;
     bool silent = false;
+    std::uint64_t mirror = 0;  ///< Number of the learner's mirror; 0: it has none.
+    int mirror_places = 0;
+    std::optional<MirroredRows> mirrored{};
   };
   enum class Step {
     kSent,
@@ -91,6 +99,10 @@ class SampleDesk {
 
   Step Answer(const transport::PeerId& peer, Line* line, double acting_version);
   [[nodiscard]] bool Draw(const proto::SampleRequest& request);
+  /// The mirror that a reply counts on; null if it has all scans.
+  MirroredRows* MirrorOf(const proto::SampleRequest& request, Line* line);
+  /// Makes the reply with the sample that was drawn.
+  transport::Message Reply(const proto::SampleRequest& request, Line* line, double acting_version);
   void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
               std::uint64_t about);
 
@@ -101,6 +113,7 @@ class SampleDesk {
   std::map<transport::PeerId, Line> lines_;
   transport::PeerId last_;  ///< The peer that was answered last.
   SampledRows rows_;
+  MirroredScans scans_;
   bool starved_ = false;
   std::int64_t retry_at_ = 0;  ///< Rows inserted at which a starved draw is tried again.
   std::int64_t num_held_ = 0;

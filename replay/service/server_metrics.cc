@@ -59,7 +59,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
   }
   registry.gauge(metrics::kTableCapacityRows).Set(spec.table.capacity);
   report_.role = "replay";
-  report_.name = "replay";
+  report_.name = spec.name;
   report_.facts["software"] = spec.software;
 }
 

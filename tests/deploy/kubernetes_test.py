@@ -202,19 +202,33 @@ class Rendered(unittest.TestCase):
             else:
                 self.assertEqual((pod["restartPolicy"], rules), ("OnFailure", []))
 
+    def with_component(self, overlay, component):
+        file = self.folder / overlay / "kustomization.yaml"
+        text = file.read_text()
+        file.write_text(text + f"components: [../{component}]\n")
+        try:
+            return self.render(overlay)
+        finally:
+            file.write_text(text)
+
     def test_the_monitor_finds_the_metrics(self):
         for overlay in ("service", "training"):
-            file = self.folder / overlay / "kustomization.yaml"
-            text = file.read_text()
-            file.write_text(text + "components: [../monitoring]\n")
-            try:
-                monitor = next(each for each in self.render(overlay) if each["kind"] == "PodMonitor")
-            finally:
-                file.write_text(text)
+            monitor = next(each for each in self.with_component(overlay, "monitoring") if each["kind"] == "PodMonitor")
             self.assertEqual(monitor["spec"]["selector"]["matchExpressions"], [{"key": "slalom/role", "operator": "Exists"}])
             for _, pod in self.pods(overlay):
                 names = [port["name"] for port in pod["spec"]["containers"][0]["ports"]]
                 self.assertIn(monitor["spec"]["podMetricsEndpoints"][0]["port"], names)
+
+    def test_each_role_reaches_each_of_several_replay_servers(self):
+        sets = {each["metadata"]["name"]: each for each in self.with_component("service", "shards") if each["kind"] == "StatefulSet"}
+        replay = sets["replay"]["spec"]
+        self.assertEqual(replay["replicas"], 2)
+        addresses = [f"tcp://replay-{i}.{replay['serviceName']}:5550" for i in range(replay["replicas"])]
+        for each in sets.values():
+            self.validates(each)
+            env = each["spec"]["template"]["spec"]["containers"][0]["env"]
+            self.assertIn({"name": "SLALOM_REPLAY", "value": " ".join(addresses)}, env)
+            self.assertIn("SLALOM_NAME", [variable["name"] for variable in env])
 
 
 if __name__ == "__main__":

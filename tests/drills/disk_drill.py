@@ -9,23 +9,7 @@ import os
 import subprocess
 import sys
 
-from service import Service, check, check_accounts, main, said_lost, wait_for
-
-
-def mount(path, megabytes):
-    os.makedirs(path, exist_ok=True)
-    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", path], check=True)
-
-
-def fill(path):
-    name = os.path.join(path, "filler")
-    with open(name, "wb", buffering=0) as file:
-        try:
-            while True:
-                file.write(b"x" * 65536)
-        except OSError:
-            pass
-    return name
+from service import Service, check, check_accounts, fill, main, mount, said_lost, wait_for
 
 
 def make_read_only(path):

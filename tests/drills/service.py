@@ -38,7 +38,7 @@ capacity = {capacity}
 sync_interval = 0.5
 max_ahead_steps = {max_ahead}
 [service]
-replay = "tcp://{replay_host}:{replay_port}"
+replay = {replay}
 learner = "tcp://{learner_host}:{learner_port}"
 state = "{state}"
 """
@@ -72,6 +72,24 @@ def wait_for(what, condition, timeout=60.0):
             last = error
         time.sleep(0.05)
     raise DrillFailed(f"{what} did not come within {timeout:.0f} s (last: {last})")
+
+
+def mount(path, megabytes):
+    """A small disk at `path`."""
+    os.makedirs(path, exist_ok=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", path], check=True)
+
+
+def fill(path):
+    """Leaves no space on the disk at `path`. The file to remove."""
+    name = os.path.join(path, "filler")
+    with open(name, "wb", buffering=0) as file:
+        try:
+            while True:
+                file.write(b"x" * 65536)
+        except OSError:
+            pass
+    return name
 
 
 class Process:
@@ -163,7 +181,7 @@ class Service:
     """Roles that share a config, in a directory of their own, removed at the end if all went well."""
 
     def __init__(self, program, environments=16, updates_per_step=0.25, capacity=200000, max_ahead=4096, test="static-test",
-                 learning_starts=2000, more_config="", preset="configs/fast.toml", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
+                 learning_starts=2000, more_config="", preset="configs/fast.toml", hosts=("127.0.0.1", "127.0.0.1"), wrapper=(), servers=1):
         self.program = os.path.abspath(program)
         self.wrapper = list(wrapper)  # Of commands that ask for the status.
         self.directory = tempfile.mkdtemp(prefix="slalom-drill-")
@@ -171,7 +189,7 @@ class Service:
         self.config = os.path.join(self.directory, "service.toml")
         self.processes = []
         text = CONFIG.format(root=ROOT, preset=preset, environments=environments, updates_per_step=updates_per_step, capacity=capacity,
-                             max_ahead=max_ahead, test=test, learning_starts=learning_starts, replay_host=hosts[0], learner_host=hosts[1], replay_port=free_port(), learner_port=free_port(), state=self.state)
+                             max_ahead=max_ahead, test=test, learning_starts=learning_starts, replay=json.dumps([f"tcp://{hosts[0]}:{free_port()}" for _ in range(servers)]), learner_host=hosts[1], learner_port=free_port(), state=self.state)
         with open(self.config, "w") as file:
             file.write(text + more_config)
 
@@ -186,6 +204,10 @@ class Service:
         if out.returncode != 0:
             raise ValueError(out.stderr.strip())
         return {(r["role"], r["name"]): r for r in json.loads(out.stdout)["roles"]}
+
+    def steps(self):
+        """That the replay servers accepted, together."""
+        return sum(r["figures"]["steps"] for (role, _), r in self.status().items() if role == "replay")
 
     def figure(self, role, name, key):
         return self.status()[(role, name)]["figures"][key]
@@ -230,8 +252,7 @@ def check_accounts(service):
         check(code == 0, f"{actor.name} ended with {code}")
         m, a, _, l = final_account(actor)
         made, accepted, lost = made + m, accepted + a, lost + l
-    wait_for(f"the {accepted} steps that the actors were told of, on the server", lambda: service.figure("replay", "replay", "steps") == accepted,
-             10.0)
+    wait_for(f"the {accepted} steps that the actors were told of, on the server", lambda: service.steps() == accepted, 10.0)
     return made, lost
 
 

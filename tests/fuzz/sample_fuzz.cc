@@ -22,6 +22,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   replay::SampledRows rows;
   (void)replay::ParseSample(raw.bytes(), shape, &rows);
   if (!fits) return 0;
+  for (const std::size_t num_scans : {0, 1, 3}) {
+    replay::ScanMirror mirror(5, shape.step.num_beams);
+    fuzz::AlignedCopy sent(input.rest(), replay::MirroredSampleSize(shape, num_scans));
+    if (replay::ParseMirroredSample(sent.bytes(), shape, num_scans, &mirror, &rows)) continue;
+    mirror.Keep();
+  }
   fuzz::AlignedCopy copy(input.rest(), replay::SampleSize(shape).value());
   if (replay::ParseSample(copy.bytes(), shape, &rows)) return 0;
   unsigned sum = 0;

@@ -38,10 +38,10 @@ inline policy::PolicySpec SmallSpec() {
   return spec;
 }
 
-/// A replay server that holds `kSteps` steps, the same ones each time.
+/// A replay server that holds `num_steps` steps, a multiple of `kStreams`, the same ones each time.
 class FilledReplay {
  public:
-  FilledReplay()
+  explicit FilledReplay(std::int64_t num_steps = kSteps, double updates_per_step = 0.5)
       : registry_("replay", "replay"),
         server_({},
                 {.endpoint = "tcp://127.0.0.1:*",
@@ -49,7 +49,7 @@ class FilledReplay {
                  .shape = kBeams,
                  .spec_hash = kSpecHash,
                  .seed = 4,
-                 .updates_per_step = 0.5,
+                 .updates_per_step = updates_per_step,
                  .learning_starts = 0},
                 context_, registry_),
         thread_([this](std::stop_token stop) { server_.Run(stop); }) {
@@ -59,7 +59,7 @@ class FilledReplay {
     config.num_environments = kStreams;
     actor::Actor actor(config, environments, agent, 1);
     replay::Chunk chunk(kBeams);
-    while (actor.stats().num_steps < kSteps) actor.Step(&chunk);
+    while (actor.stats().num_steps < num_steps) actor.Step(&chunk);
 
     transport::Context context;
     proto::Hello hello;
@@ -80,7 +80,7 @@ class FilledReplay {
                                        .sequence = 0,
                                        .num_rows = chunk.num_rows(),
                                        .num_beams = kBeams,
-                                       .num_steps = static_cast<int>(kSteps),
+                                       .num_steps = static_cast<int>(num_steps),
                                        .oldest_version = kActingVersion,
                                        .newest_version = kActingVersion},
                          rows.Share());
@@ -90,6 +90,11 @@ class FilledReplay {
   }
 
   const std::string& endpoint() const { return server_.endpoint(); }
+  /// Ends the server, as a process that is stopped.
+  void Stop() {
+    thread_.request_stop();
+    thread_.join();
+  }
   double requests() {
     return registry_.counter(metrics::kMessages, {proto::NameOf(proto::SampleRequest{})}).value();
   }

@@ -68,7 +68,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   job.loop.run.settings.max_seconds = max_seconds;
   job.loop.run.settings.log_interval = 5.0;  // Looks.
   job.spec_hash = kSpecHash;
-  job.replay.endpoint = replay;
+  job.replay = {{.endpoint = replay}};
   job.policies.endpoint = "tcp://127.0.0.1:*";
   std::atomic<bool> ready = false;
   std::string endpoint;

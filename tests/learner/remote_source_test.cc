@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -96,6 +97,55 @@ TEST(BatchStreamTest, EndsIfALearnerOfItsNameStartsLater) {
 }
 
 // The server's limiter has earned kUpdates batches; what is asked for beside them takes none away.
+/// The scans and numbers of a sample.
+std::vector<float> ContentOf(const replay::SampledRows& rows) {
+  std::vector<float> content(rows.state.data(), rows.state.data() + rows.state.size());
+  for (const auto* const scans : {&rows.ranges_cm, &rows.next_ranges_cm}) {
+    for (const std::uint16_t* const scan : *scans)
+      content.insert(content.end(), scan, scan + kBeams);
+  }
+  return content;
+}
+
+// Whether the mirror holds the whole table, some of it or a single scan, over new connections and
+// new hellos, and while windows are asked for.
+TEST(BatchStreamTest, AMirrorChangesNoBatchAndHasEachScanSentOnce) {
+  const FilledReplay replay(kSteps, 10.0);
+  const std::vector<replay::SampleSpec> kinds = {{.batch = 40, .history = 3, .n_step = 4},
+                                                 {.batch = 24, .n_step = 1}};
+  const replay::SampleSpec windows{.batch = 16, .history = 5};
+  const auto read = [&](std::int64_t places, bool is_disturbed) {
+    transport::Context context;
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams, kinds, 3,
+                       0, places);
+    std::vector<std::vector<float>> contents;
+    int num_scans = 0;
+    for (int i = 0; i < 60; ++i) {
+      const RemoteBatches* batches = nullptr;
+      WaitUntil([&] { return (batches = stream.Next(milliseconds(100))) != nullptr; });
+      for (const replay::SampledRows& rows : batches->rows) contents.push_back(ContentOf(rows));
+      EXPECT_EQ(batches->header.mirror != 0, places != 0);
+      num_scans += batches->header.num_scans;
+      if (!is_disturbed) continue;
+      if (const auto* const rows = stream.TakeWindows()) EXPECT_EQ(rows->history, 5);
+      stream.AskWindows(windows);
+      if (i % 20 == 7) stream.link().client().Reconnect();
+      if (i % 20 == 17) stream.link().SayHello();
+    }
+    if (places >= kSteps && !is_disturbed) {
+      EXPECT_GT(num_scans, 0);
+      EXPECT_LE(num_scans, kSteps + kSteps / 20) << "of steps and of ends of episodes";
+    }
+    return contents;
+  };
+  const auto expected = read(0, false);
+  for (const std::int64_t places : {std::int64_t{10000}, std::int64_t{100}, std::int64_t{1}}) {
+    EXPECT_EQ(read(places, false), expected) << places;
+    EXPECT_EQ(read(places, true), expected) << places;
+  }
+  EXPECT_EQ(read(0, true), expected);
+}
+
 TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
   const FilledReplay replay;
   const replay::SampleSpec batch = {.batch = 4, .history = 2, .n_step = 1};
@@ -155,8 +205,8 @@ TEST(RemoteSourceTest, EachLookTellsWhatIsNewSinceTheOneBefore) {
   transport::Context context;
   metrics::Registry registry("learner", "learner");
   const PolicyServer policies(context, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry);
-  RemoteSource source(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams,
-                      {{.batch = 16, .n_step = 4}, {.batch = 24, .n_step = 1}}, 3, policies,
+  RemoteSource source(context, {{.endpoint = replay.endpoint()}}, LearnerHello(), kBeams,
+                      {{.batch = 16, .n_step = 4}, {.batch = 24, .n_step = 1}}, 3, 0, policies,
                       registry);
   source.Restore({}, {{"cursor", 8}, {"steps", 100}});
   source.Start();
@@ -210,6 +260,113 @@ TEST(RemoteSourceTest, EachLookTellsWhatIsNewSinceTheOneBefore) {
   EXPECT_GT(seconds, 0.0);
   source.Report(row, 0.0, false);
   EXPECT_EQ(waited.value(), seconds);
+}
+
+/// A source of batches from several replay servers.
+class Shards {
+ public:
+  Shards(const std::vector<const FilledReplay*>& replays, const replay::SampleSpec& spec,
+         const nlohmann::json& state = {{"cursor", 0}, {"steps", 0}})
+      : policies_(context_, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry_),
+        source_(context_, Options(replays), LearnerHello(), kBeams, {spec}, 3, kSteps, policies_,
+                registry_) {
+    source_.Restore({}, state);
+    source_.Start();
+  }
+
+  const std::vector<replay::SampledRows>* Next() {
+    const std::vector<replay::SampledRows>* batches = nullptr;
+    WaitUntil([&] { return (batches = source_.Next()) != nullptr; });
+    return batches;
+  }
+  /// Batches that came from each server so far.
+  std::vector<int> Drawn() {
+    nlohmann::json state;
+    source_.Save({}, state);
+    std::vector<int> drawn;
+    for (const nlohmann::json& shard : state.at("shards")) drawn.push_back(shard.at("cursor"));
+    return drawn;
+  }
+  RemoteSource& source() { return source_; }
+
+ private:
+  static std::vector<transport::ClientOptions> Options(
+      const std::vector<const FilledReplay*>& replays) {
+    std::vector<transport::ClientOptions> options;
+    for (const FilledReplay* const replay : replays) {
+      options.push_back({.endpoint = replay->endpoint()});
+    }
+    return options;
+  }
+
+  transport::Context context_;
+  metrics::Registry registry_{"learner", "learner"};
+  PolicyServer policies_;
+  RemoteSource source_;
+};
+
+TEST(RemoteSourceTest, BatchesComeFromEachServer) {
+  const FilledReplay small(200, 10.0);
+  const FilledReplay large(600, 10.0);
+  Shards shards({&small, &large}, {.batch = 16});
+  for (int i = 0; i < 400; ++i) shards.Next();
+  EXPECT_EQ(shards.source().steps(), 800);
+  EXPECT_EQ(shards.source().num_drawn(), 400);
+  const std::vector<int> drawn = shards.Drawn();
+  EXPECT_EQ(drawn[0] + drawn[1], 400);
+  // In proportion to what they hold only as far as each has a batch when its turn comes.
+  EXPECT_GE(drawn[0], 20);
+  EXPECT_GE(drawn[1], 20);
+  run::MetricsRow row;
+  shards.source().Describe(row);
+  EXPECT_EQ(row.table_steps, 800);
+}
+
+TEST(RemoteSourceTest, PrioritiesGoToTheServerThatSentTheRows) {
+  FilledReplay first(200, 10.0);
+  FilledReplay second(200, 10.0);
+  Shards shards({&first, &second}, {.batch = 16, .prioritized = true});
+  const std::vector<float> priorities(16, 0.5F);
+  for (int i = 0; i < 50; ++i) {
+    const int before = shards.Drawn()[0];
+    const auto& sequence = shards.Next()->front().sequence;
+    if (shards.Drawn()[0] == before) continue;
+    shards.source().SetPriorities({sequence.data(), sequence.size()}, priorities);
+  }
+  WaitUntil([&] { return first.priorities_updated() > 0.0; });
+  EXPECT_EQ(second.priorities_updated(), 0.0);
+}
+
+TEST(RemoteSourceTest, OthersTakeTheTurnsOfAServerThatIsGone) {
+  FilledReplay first;
+  const FilledReplay second;
+  Shards shards({&first, &second}, {.batch = 16});
+  while (shards.Drawn()[0] < 5 || shards.Drawn()[1] < 5) shards.Next();
+  first.Stop();
+  const int before = shards.Drawn()[1];
+  for (int i = 0; i < 50; ++i) shards.Next();
+  EXPECT_GE(shards.Drawn()[1], before + 45) << "up to three were on their way from the first";
+  EXPECT_EQ(shards.source().steps(), 2 * kSteps);
+}
+
+TEST(RemoteSourceTest, EachServerGoesOnAtItsCursorAndANewOneBeginsAtTheFirst) {
+  const FilledReplay first;
+  const FilledReplay second;
+  const FilledReplay third;
+  const nlohmann::json state = {
+      {"shards", {{{"cursor", 7}, {"steps", 90}}, {{"cursor", 20}, {"steps", 50}}}}};
+  Shards shards({&first, &second, &third}, {.batch = 16}, state);
+  EXPECT_EQ(shards.Drawn(), std::vector<int>({7, 20, 0}));
+  EXPECT_EQ(shards.source().steps(), 140);
+  EXPECT_EQ(shards.source().num_drawn(), 27);
+  nlohmann::json saved;
+  shards.source().Save({}, saved);
+  EXPECT_EQ(saved.at("shards")[1], state.at("shards")[1]);
+  EXPECT_THROW(Shards({&first}, {.batch = 16}, state), base::Error);
+
+  // One server's checkpoint, to which another is added.
+  Shards more({&first, &second}, {.batch = 16}, {{"cursor", 8}, {"steps", 100}});
+  EXPECT_EQ(more.Drawn(), std::vector<int>({8, 0}));
 }
 
 TEST(StreamMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {

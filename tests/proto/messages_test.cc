@@ -161,6 +161,7 @@ TEST(MessagesTest, EveryBoundIsHeld) {
       {"table_steps", 7, reply + Varint(7, kNegative)},
       {"acting_version", 7, reply + Double(8, nan)},
       {"acting_version", 7, reply + Double(8, INFINITY)},
+      {"table_weight", 7, reply + Double(9, -1.0)},
       {"count", 8, ""},
       {"count", 8, Varint(1, 65537)},
       {"held_version", 9, Varint(1, kNegative - 1) + Text(2, "a")},
@@ -268,6 +269,29 @@ TEST(MessagesTest, AStatusIsMadeToFit) {
   const StatusReply many = through({.roles = std::vector<RoleStatus>(kMaxRoles + 7, small)});
   EXPECT_EQ(many.roles.size(), static_cast<std::size_t>(kMaxRoles));
   EXPECT_EQ(many.omitted, 7);
+}
+
+TEST(MessagesTest, OfAProcessThatTwoServersKnowTheNewestReportCounts) {
+  const auto role = [](const char* name, double age, bool connected) {
+    RoleStatus status{.report = {}, .age_s = age, .connected = connected};
+    status.report.role = name == std::string("learner") ? "learner" : "actor";
+    status.report.name = name;
+    return status;
+  };
+  const StatusReply first{.roles = {role("learner", 2.0, true), role("a", 9.0, false)},
+                          .omitted = 1};
+  const StatusReply second{
+      .roles = {role("b", 1.0, true), role("a", 0.5, true), role("learner", 3.0, true)},
+      .omitted = 4};
+  const StatusReply merged = Merge({first, second});
+  ASSERT_EQ(merged.roles.size(), 3U);
+  EXPECT_EQ(merged.roles[0].age_s, 2.0);
+  EXPECT_EQ(merged.roles[1].report.name, "a");
+  EXPECT_EQ(merged.roles[1].age_s, 0.5);
+  EXPECT_TRUE(merged.roles[1].connected);
+  EXPECT_EQ(merged.roles[2].report.name, "b");
+  EXPECT_EQ(merged.omitted, 5);
+  EXPECT_TRUE(Merge({}).roles.empty());
 }
 
 TEST(MessagesTest, WhatIsOutOfBoundsIsNotSent) {

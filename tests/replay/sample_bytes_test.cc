@@ -47,6 +47,85 @@ bool Same(const AlignedBuffer<T>& a, const AlignedBuffer<T>& b) {
   return a.size() == b.size() && std::equal(a.data(), a.data() + a.size(), b.data());
 }
 
+// The table goes on while samples are sent, and a mirror may be smaller than it.
+TEST(SampleBytesTest, WithAMirrorEachScanIsSentOnce) {
+  constexpr std::int64_t kCapacity = 120;
+  const SampleSpec spec{.batch = 20, .history = 2, .n_step = 3, .gamma = 0.9};
+  for (const std::int64_t num_places : {kCapacity, std::int64_t{50}, std::int64_t{1}}) {
+    ReplayModel model(kCapacity, kBeams, 5, 9);
+    Table table({.capacity = kCapacity}, kBeams);
+    for (int i = 0; i < 40; ++i) model.Advance(&table);
+    MirroredRows sent(num_places);
+    ScanMirror mirror(num_places, kBeams);
+    base::Random random(1);
+    std::vector<AlignedBytes> payloads;
+    std::size_t num_sent = 0;
+    for (int i = 0; i < 200; ++i) {
+      model.Advance(&table);
+      SampledRows rows;
+      SampledRows read[2];
+      const int num_kinds = 1 + i % 2;  // Batches that are read before the mirror keeps them.
+      for (int k = 0; k < num_kinds; ++k) {
+        ASSERT_TRUE(table.SampleRows(spec, random, &rows));
+        MirroredScans scans;
+        for (const auto* const stack : {&rows.ranges_cm, &rows.next_ranges_cm}) {
+          for (const std::uint16_t* const scan : *stack) {
+            const std::int64_t row = table.SequenceOf(scan);
+            EXPECT_EQ(table.row(row).frame.ranges_cm.data(), scan);
+            scans.places.push_back(sent.Take(row));
+            if (scans.places.back() < 0) scans.to_send.push_back(scan);
+          }
+        }
+        num_sent += scans.to_send.size();
+        const SampleShape shape{spec.batch, spec.history, kBeams, false};
+        AlignedBytes& bytes =
+            payloads.emplace_back(MirroredSampleSize(shape, scans.to_send.size()));
+        WriteMirroredSample(rows, false, scans, bytes.span());
+        const auto fault =
+            ParseMirroredSample(bytes.span(), shape, scans.to_send.size(), &mirror, &read[k]);
+        ASSERT_FALSE(fault) << fault->text;
+        EXPECT_EQ(read[k].sequence, rows.sequence);
+        for (std::size_t f = 0; f < rows.ranges_cm.size(); ++f) {
+          EXPECT_TRUE(
+              std::equal(rows.ranges_cm[f], rows.ranges_cm[f] + kBeams, read[k].ranges_cm[f]));
+          EXPECT_TRUE(std::equal(rows.next_ranges_cm[f], rows.next_ranges_cm[f] + kBeams,
+                                 read[k].next_ranges_cm[f]));
+        }
+      }
+      mirror.Keep();
+      payloads.clear();
+    }
+    if (num_places == kCapacity) {
+      EXPECT_LE(num_sent, static_cast<std::size_t>(table.total_inserted()));
+    }
+  }
+}
+
+TEST(SampleBytesTest, WithAMirrorRefusesWhatItsWriterWouldNotSend) {
+  const Drawn drawn(2, 1);
+  const SampleShape shape = drawn.shape(false);
+  MirroredScans scans;
+  scans.places = {~3, 5, 3, ~5};
+  scans.to_send = {drawn.rows.ranges_cm[0], drawn.rows.ranges_cm[1]};
+  const auto fault = [&](std::vector<std::int32_t> places, std::size_t num_scans,
+                         std::int64_t num_places = 8) {
+    scans.places = std::move(places);
+    AlignedBytes bytes(MirroredSampleSize(shape, scans.to_send.size()));
+    WriteMirroredSample(drawn.rows, false, scans, bytes.span());
+    ScanMirror mirror(num_places, kBeams);
+    SampledRows rows;
+    const auto failure = ParseMirroredSample(bytes.span(), shape, num_scans, &mirror, &rows);
+    return failure ? failure->text : "";
+  };
+  EXPECT_EQ(fault({~3, ~5, 3, 5}, 2), "");
+  EXPECT_THAT(fault({~3, 5, 3, ~5}, 2), HasSubstr("frame 1 is of a scan that did not come"));
+  EXPECT_THAT(fault({~3, ~5, 3, 5}, 2, 5), HasSubstr("frame 1 has place -6, expected one of 5"));
+  EXPECT_THAT(fault({~3, 3, 3, 3}, 2), HasSubstr("found 1 new scans, expected 2"));
+  EXPECT_THAT(fault({~3, ~5, ~4, 3}, 2), HasSubstr("frame 2 has place -5"));
+  EXPECT_THAT(fault({~3, ~5, 3, 5}, 1), HasSubstr("bytes, expected"));
+  EXPECT_THAT(fault({~3, ~5, 3, 5}, 5), HasSubstr("found 5 new scans, expected at most 4"));
+}
+
 TEST(SampleBytesTest, GivesWhatWasWritten) {
   SampledRows read;  // The same for all, so that sizes change from call to call.
   const std::tuple<int, int, env::StepShape> cases[] = {{64, 1, kBeams},    {3, 4, {0, 3, 1}},

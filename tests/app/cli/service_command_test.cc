@@ -20,8 +20,9 @@ using testing::HasSubstr;
 TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 100000000);
-  const std::vector<std::string> command = {"service", "tiny.toml", "--actors",
-                                            "2",       "--set",     "run.deterministic=false"};
+  const std::vector<std::string> command = {
+      "service",          "tiny.toml", "--actors", "2",
+      "--replay-servers", "2",         "--set",    "run.deterministic=false"};
   const fs::path state = scratch.path() / "state";
   {
     BackgroundProgram program(command, scratch.path());
@@ -31,19 +32,23 @@ TEST(ServiceCommandTest, ATrainingIsStoppedGoesOnAndIsScored) {
     EXPECT_THAT(second.err, HasSubstr("state/service.lock: another `slalom service` works"));
     const ProgramResult status =
         RunProgram({"status", "--config", "state/service.toml"}, scratch.path());
-    EXPECT_THAT(status.out,
-                AllOf(HasSubstr("learner"), HasSubstr("actor-1"), HasSubstr("actor-2")));
+    EXPECT_THAT(status.out, AllOf(HasSubstr("learner"), HasSubstr("actor-1"), HasSubstr("actor-2"),
+                                  HasSubstr("replay-1"), HasSubstr("all is well")));
     program.Signal(SIGINT);
     EXPECT_EQ(program.Wait(), 128 + SIGINT);
   }
-  EXPECT_THAT(base::ReadFile(scratch.path() / "out"),
-              HasSubstr("service tiny.toml --actors 2 --set run.deterministic=false\n"));
+  EXPECT_THAT(
+      base::ReadFile(scratch.path() / "out"),
+      HasSubstr("service tiny.toml --actors 2 --replay-servers 2 --set run.deterministic=false\n"));
   EXPECT_FALSE(fs::exists(state / "learner/evaluation.json"));
-  for (const char* name : {"learner", "replay", "actor-1", "actor-2"}) {
+  for (const char* name : {"learner", "replay", "replay-1", "actor-1", "actor-2"}) {
     EXPECT_THAT(base::ReadFile(state / "logs" / (std::string(name) + ".log")), HasSubstr("info"));
   }
 
-  for (const char* name : {"replay", "learner"}) {
+  // Each actor's steps are in the table of its own server.
+  EXPECT_TRUE(fs::exists(state / "actors/actor-1/replay-1/ledger"));
+  EXPECT_TRUE(fs::exists(state / "actors/actor-2/ledger"));
+  for (const char* name : {"replay", "replay-1", "learner"}) {
     EXPECT_THAT(base::ReadFile(state / (std::string(name) + ".endpoint")), HasSubstr("ipc://"));
   }
 

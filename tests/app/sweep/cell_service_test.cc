@@ -122,7 +122,8 @@ TEST(CellServiceTest, ACellIsTrainedByProcessesThatShareAConfigAndKeysOfTheirOwn
 
   const fs::path seen = cell.directory() / "seen";
   const auto config = config::Load<train::RunConfig>(seen / "service.toml", {});
-  EXPECT_THAT(config.service.replay, testing::MatchesRegex("ipc://@slalom-[0-9a-f]{16}-replay"));
+  EXPECT_THAT(config.service.replay,
+              testing::ElementsAre(testing::MatchesRegex("ipc://@slalom-[0-9a-f]{16}-replay")));
   EXPECT_THAT(config.service.learner, testing::MatchesRegex("ipc://@slalom-[0-9a-f]{16}-learner"));
   EXPECT_EQ(config.service.state, cell.files().service());
   EXPECT_EQ(config.security.keys, cell.files().service() / "keys");

@@ -15,6 +15,7 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "tests/support/error_of.h"
 #include "tests/support/log_lines.h"
 
 namespace slalom::train {
@@ -50,6 +51,30 @@ AgentRunConfig ResolveAgent(const std::vector<std::string>& overrides) {
       config::ApplyOverride(each, config::ListFields(config));
     }
   });
+}
+
+TEST(RunConfigTest, ReplayServersAreOneAddressOrAListOfDifferentOnes) {
+  const auto resolve = [](const std::string& servers, const std::string& more = "run.seed=1") {
+    RunConfig config;
+    config::ApplyOverride("service.replay=" + servers, config::ListFields(config));
+    config::ApplyOverride(more, config::ListFields(config));
+    return Resolve(config, {.serves = true}).service.replay;
+  };
+  using testing::ElementsAre;
+  EXPECT_THAT(resolve("tcp://a:1"), ElementsAre("tcp://a:1"));
+  EXPECT_THAT(resolve("\"tcp://a:1\""), ElementsAre("tcp://a:1"));
+  EXPECT_THAT(resolve("[\"tcp://a:1\", \"tcp://b:1\"]"), ElementsAre("tcp://a:1", "tcp://b:1"));
+  const auto error = [&](const std::string& servers, const std::string& more = "run.seed=1") {
+    return test::ErrorOf([&] { resolve(servers, more); });
+  };
+  EXPECT_THAT(error("[]"), testing::HasSubstr("service.replay lists 0 addresses"));
+  EXPECT_THAT(error("[\"tcp://a:1\", \"tcp://b:1\", \"tcp://a:1\"]"),
+              testing::HasSubstr("service.replay lists tcp://a:1 twice"));
+  EXPECT_EQ(error("tcp://a:1", "replay.capacity=1000"), "");
+  EXPECT_THAT(error("[\"tcp://a:1\", \"tcp://b:1\"]", "replay.capacity=100"),
+              testing::HasSubstr("replay.capacity is 100, expected at least"));
+  EXPECT_THAT(error("[tcp://a:1, tcp://b:1]"), testing::HasSubstr("expected a list of strings"));
+  EXPECT_THAT(error("7"), testing::HasSubstr("expected a list of strings"));
 }
 
 TEST(AgentRunConfigTest, AtHomePlannersHaveTheirOwnSettings) {

@@ -112,6 +112,38 @@ class SampleDeskTurnsTest : public testing::Test {
   const transport::PeerId peer = network.Connect();
 };
 
+TEST_F(SampleDeskTurnsTest, MirrorsAreForAsManyRowsAndLearnersAsThereIsRoomFor) {
+  Fill();
+  const auto sample = [&](const transport::PeerId& asking, std::uint64_t cursor,
+                          std::uint64_t mirror, int places) {
+    desk.Ask(asking, "learner",
+             {.cursor = cursor,
+              .batch = 4,
+              .history = 1,
+              .n_step = 1,
+              .mirror = mirror,
+              .mirror_places = places});
+    desk.Advance(4, 0.0);
+    const auto answer = network.Take(asking);
+    return answer ? std::get<proto::SampleReply>(*answer) : proto::SampleReply{};
+  };
+  EXPECT_EQ(sample(peer, 0, 7, 101).mirror, 0U) << "more than the table's rows";
+  EXPECT_EQ(sample(peer, 1, 7, 100).mirror, 7U);
+  EXPECT_EQ(sample(peer, 1, 7, 90).mirror, 0U) << "a mirror's places do not change";
+  EXPECT_EQ(sample(peer, 2, 8, 100).mirror, 8U);
+  const int num_scans = sample(peer, 3, 9, 100).num_scans;
+  EXPECT_GT(num_scans, 0);
+  EXPECT_EQ(sample(peer, 3, 9, 100).num_scans, 0) << "the same batch again";
+  EXPECT_EQ(sample(peer, 3, 10, 100).num_scans, num_scans) << "another mirror is empty";
+  EXPECT_EQ(sample(peer, 4, 0, 0).mirror, 0U);
+  for (int i = 2; i <= SampleDesk::kMaxMirrors + 1; ++i) {
+    const bool has_room = i <= SampleDesk::kMaxMirrors;
+    EXPECT_EQ(sample(network.Connect(), 5, 1, 100).mirror, has_room ? 1U : 0U) << i;
+  }
+  desk.Gone(peer);
+  EXPECT_EQ(sample(network.Connect(), 5, 1, 100).mirror, 1U);
+}
+
 // Else a learner with many requests keeps the others waiting.
 TEST_F(SampleDeskTurnsTest, LearnersAreServedInTurn) {
   Fill();
