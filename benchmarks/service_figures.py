@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
 """service_figures.py PROGRAM [FIGURE...]: what the service of real processes on this machine reaches; see docs/results/service.md.
 
-FIGURE is recovery, sync, policies or scale; all of them unless told. Nothing passes or fails here: it prints medians, and what else
+FIGURE is recovery, sync, policies, scale or sessions; all of them unless told. Nothing passes or fails here: it prints medians, and what else
 the machine was doing (its load average before, without these processes). Figures are read from the processes' metrics pages, which are
 asked for every 10 ms.
 """
 
 import os
 import re
+import resource
 import statistics
+import subprocess
 import sys
+import threading
 import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "tests", "drills"))
@@ -177,7 +180,63 @@ def scale(program, seconds=10.0, rounds=3):
             print(f"  {number}: {statistics.median(all_of_it):.0f} steps/s (from {min(all_of_it):.0f} to {max(all_of_it):.0f})", flush=True)
 
 
-FIGURES = {"recovery": recovery, "sync": sync, "policies": policies, "scale": scale}
+def sessions(program, number=1000, processes=4, seconds=40):
+    """Many sessions of actors by their protocol, 50 frames/s each, before and after a death of the replay server."""
+    print(f"{number} sessions ({load()})", flush=True)
+    driver = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(program))), "benchmarks", "sessions")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+    # A policy a second: 1,000 readers of one every 20 ms would fill the network. Nothing is held back.
+    with Service(program, capacity=200000, updates_per_step=0.001, max_ahead=0,
+                 more_config="[learner_service]\npublish_seconds = 1.0\n") as service:
+        # Room for two chunks of each; by default all share 4 MiB.
+        replay = service.add("replay", extra=("--set", "replay_server.window_bytes=33554432")).start()
+        learner = service.add("learner").start()
+        wait_for("the learner", lambda: "policies at" in learner.log_text())
+        empty = replay.resident_mib(), replay.num_descriptors()
+        crowd = [subprocess.Popen([driver, service.config, str(i * number // processes), str(number // processes), str(seconds)],
+                                  stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) for i in range(processes)]
+        connected, lines = [0] * len(crowd), [0] * len(crowd)
+        results = [[] for _ in crowd]
+
+        def follow(i):
+            for line in crowd[i].stdout:
+                words = line.split()
+                if words[0].isdigit():
+                    connected[i], lines[i] = int(words[1]), lines[i] + 1
+                else:
+                    results[i].append(words)
+
+        threads = [threading.Thread(target=follow, args=(i,)) for i in range(len(crowd))]
+        for thread in threads:
+            thread.start()
+        def all_are_connected():
+            if any(process.poll() for process in crowd):
+                sys.exit(f"{driver} failed")
+            return sum(connected) == number
+
+        print(f"  all connected after {until(all_are_connected):.1f} s", flush=True)
+        wait_for("the first half", lambda: all(len(result) >= 4 for result in results), 2.0 * seconds)
+        print(f"  replay server: {replay.resident_mib():.0f} MiB and {replay.num_descriptors()} descriptors ({empty[0]:.0f} and "
+              f"{empty[1]} before), {metric(replay, 'slalom_steps_accepted_total'):.0f} steps accepted", flush=True)
+        began = time.monotonic()
+        shown = len([role for role, _ in service.status() if role == "actor"])
+        print(f"  `slalom status` shows {shown} actors after {time.monotonic() - began:.2f} s", flush=True)
+        replay.kill()
+        replay.start()
+        before = list(lines)
+        seconds = until(lambda: all(now >= then + 2 for now, then in zip(lines, before)) and all_are_connected())
+        print(f"  after kill -9 of the replay server all are back within {seconds:.1f} s", flush=True)
+        for thread in threads:
+            thread.join()
+        # Of the second quarter: all are connected, and the replay server lives.
+        for what in ("acknowledged", "policies"):
+            found = [[words for words in result if words[0] == what][1] for result in results]
+            count = sum(int(words[1]) for words in found)
+            print(f"  {what}: {count}, p50 {max(float(w[2]) for w in found):.0f} ms, p99 {max(float(w[3]) for w in found):.0f} ms, longest "
+                  f"{max(float(w[4]) for w in found):.0f} ms (the worst of {processes} processes)", flush=True)
+
+
+FIGURES = {"recovery": recovery, "sync": sync, "policies": policies, "scale": scale, "sessions": sessions}
 
 if len(sys.argv) < 2 or not set(sys.argv[2:]) <= set(FIGURES):
     sys.exit(f"usage: {sys.argv[0]} PROGRAM [{'|'.join(FIGURES)}]...")
