@@ -105,7 +105,7 @@ TEST(CompatibilityTest, FieldsThatAnOlderPeerDoesNotHaveAreZero) {
   const std::string request = "\x08\xac\x02\x10\x80\x01\x18\x04\x20\x05";
   const auto sample = Decode(Bytes(FrameByHand(1, 0, kSampleRequest, request)), {});
   ASSERT_TRUE(sample) << sample.failure().text;
-  EXPECT_EQ(Print(*sample), "SampleRequest [300 128 4 5 0 false 0]");
+  EXPECT_EQ(Print(*sample), "SampleRequest [300 128 4 5 0 false 0 0 0]");
 }
 
 // Of another major version only the first six bytes mean the same: nothing after them is looked at.
